@@ -225,10 +225,11 @@ def about_z(angle: float) -> np.ndarray:
     return np.array([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]])
 
 
-def assembled(
-    parts: Iterable[tuple[str, Shape, int, Joint | None]], turned: np.ndarray | None = None
-) -> ArticulatedObject:
-    """The object of parts (name, shape, parent, joint), all moved by a rotation [4, 4]."""
+PartSpec = tuple[str, Shape, int, Joint | None]  # name, shape, index of the parent, joint
+
+
+def assembled(parts: Iterable[PartSpec], turned: np.ndarray | None = None) -> ArticulatedObject:
+    """The object made of ``parts``, all moved by a rotation [4, 4]."""
     asm = Assembly()
     for name, shape, parent, joint in parts:
         if turned is not None:
@@ -346,7 +347,7 @@ def rooted(grip: Manifold, face: float, deep: float, ground: Manifold) -> Manifo
     return grip if feet.volume() < 1e-9 else tidy(union([grip, feet]))
 
 
-def rotated(solid: Manifold, degrees: ArrayLike, at: ArrayLike) -> Manifold:
+def rotated(solid: Manifold, degrees: Iterable[float], at: ArrayLike) -> Manifold:
     """``solid`` rotated about x, y and z by ``degrees`` [3], through the point ``at``."""
     at = np.asarray(at, dtype=np.float64)
     return solid.translate(tuple(-at)).rotate(tuple(degrees)).translate(tuple(at))

@@ -1,1 +1,1 @@
-"""``EVERYDAY_FAMILIES``, a file each, and what they are made of."""
+"""The families of ``EVERYDAY_FAMILIES``, one module each, and the parts they share."""

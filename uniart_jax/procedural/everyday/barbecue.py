@@ -1,4 +1,4 @@
-"""Grills of all kinds; here the round ones: kettles and ceramic eggs on legs."""
+"""Grills: kettle grills and ceramic eggs here, the other kinds in the ``barbecue_*`` modules."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ from uniart_jax.procedural.shapes import (
 
 
 def build(rng: np.random.Generator) -> ArticulatedObject:
-    """A grill, metres, closed."""
+    """A grill in metres, closed, its controls at -x."""
     kinds = (_kettle_grill, gas_grill, barrel_grill, brazier)
     return kinds[rng.choice(4, p=[0.34, 0.34, 0.17, 0.15])](rng)
 
 
 def _kettle_grill(rng: np.random.Generator) -> ArticulatedObject:
-    """A round or egg-shaped grill on legs with wheels, or on a stand: lid, vent, ash pot,
-    shelf."""
+    """A round or egg-shaped grill on legs, wheels or the ground, with a lid, a vent, an ash pot and
+    side shelves."""
     radius = float(rng.uniform(0.2, 0.3))
     egg = rng.random() < 0.3
     low_one = rng.random() < 0.2  # on a table or the ground
@@ -148,7 +148,7 @@ def _kettle_grill(rng: np.random.Generator) -> ArticulatedObject:
 def _add_legs(
     rng, body, radius, rim, bowl_high, full, unit, low_one, steel, dark, egg
 ) -> list[tuple]:
-    """Three or four legs under a bowl; returns the wheels: (at, radius, width, side)."""
+    """Add three or four legs under a bowl; returns the wheels to add: (at, radius, width, side)."""
     r = float(rng.uniform(1.2, 1.9)) * unit
     finish = steel if rng.random() < 0.6 else dark
     foot = float(rng.uniform(0.75, 1.05)) * radius
@@ -190,8 +190,8 @@ def _add_legs(
 
 
 def _dome(radius, high, low, wall, power, floor=0.0) -> tuple[Manifold, Manifold]:
-    """A bowl upside down about the z axis from ``low`` up, ``floor``: radius of its flat top; and
-    the same, solid."""
+    """A hollow dome about the z axis that rises from z = ``low``, and the same dome filled.
+    ``floor`` is the radius of its flat top."""
     t = np.linspace(0, np.pi / 2, 11)
     r = np.maximum(radius * np.cos(t) ** power, floor)
     outer = np.column_stack([r, high * np.sin(t)])

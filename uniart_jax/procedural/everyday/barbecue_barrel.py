@@ -1,4 +1,4 @@
-"""Barrel grills: a lying drum with a chimney, a fire box or shelves."""
+"""Barrel grills: a horizontal drum with a chimney, a fire box or shelves."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ from uniart_jax.procedural.shapes import (
 
 
 def barrel_grill(rng: np.random.Generator) -> ArticulatedObject:
-    """A lying barrel whose upper half opens, with a chimney, a fire box or shelves, on legs with
-    wheels."""
+    """A barrel grill in metres: a horizontal drum whose upper half opens, on legs with wheels, with
+    a chimney, a fire box or shelves."""
     radius, half = float(rng.uniform(0.18, 0.26)), float(rng.uniform(0.26, 0.5))
     center = float(rng.uniform(0.6, 0.85))
     unit = max(center + radius, 2 * half) / 100
@@ -57,8 +57,8 @@ def barrel_grill(rng: np.random.Generator) -> ArticulatedObject:
     for s in (-1, 1):
         end = wheel if rolling and s == side else leg
         for x in (-1, 1):
-            top = [0.5 * x * radius, s * w, center - 0.5 * radius]
-            bars.append(pipe([top, [x * foot, s * w, end]], leg, 10))
+            hip = [0.5 * x * radius, s * w, center - 0.5 * radius]
+            bars.append(pipe([hip, [x * foot, s * w, end]], leg, 10))
     bars.append(box([-0.9 * foot, -w, 0.3 * center], [0.9 * foot, w, 0.3 * center + 1.5 * unit]))
     body.add(tidy(union(bars) - full), dark)
     chimney = rng.random() < 0.6

@@ -23,8 +23,8 @@ from uniart_jax.procedural.shapes import (
 
 
 def brazier(rng: np.random.Generator) -> ArticulatedObject:
-    """An open pan on legs; its grate swings out on a post or slides up and down; a drawer for the
-    ashes."""
+    """A brazier in metres: an open pan on legs. Its grate swings out on a post or slides up and
+    down; some have an ash drawer."""
     half = float(rng.uniform(0.16, 0.34))
     deep = half * float(rng.uniform(0.6, 1.0))
     tall = float(rng.uniform(0.12, 0.25)) if rng.random() < 0.4 else float(rng.uniform(0.45, 0.75))

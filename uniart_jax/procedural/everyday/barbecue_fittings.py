@@ -1,4 +1,5 @@
-"""What grills share: finishes, wheels, folding side shelves, handles and slotted grates."""
+"""Parts that grills share: finishes, wheels, folding side shelves, handles and slotted grates.
+Lengths are in metres; ``unit`` is a hundredth of the object's size."""
 
 from __future__ import annotations
 
@@ -21,7 +22,7 @@ from uniart_jax.procedural.shapes import (
 
 
 def draw_finish(rng: np.random.Generator) -> Material:
-    """Black, a strong colour, or steel."""
+    """Draw the finish of a grill's body: black, a strong colour, steel or paint."""
     kind = rng.choice(4, p=[0.4, 0.3, 0.2, 0.1])
     if kind == 0:
         return materials.dark(rng)
@@ -31,14 +32,15 @@ def draw_finish(rng: np.random.Generator) -> Material:
 
 
 def draw_board(rng: np.random.Generator) -> Material:
-    """Of side shelves: wood, plastic, steel."""
+    """Draw the finish of side shelves: wood, dark plastic or steel."""
     if rng.random() < 0.5:
         return materials.wood(rng, grain="y")
     return materials.dark(rng) if rng.random() < 0.5 else materials.metal(rng)
 
 
 def add_wheel(asm, root, at, r, wide, side, steel: Material) -> None:
-    """A wheel about y beside the plane y = ``at[1]``, its hub of another colour."""
+    """Add a wheel of radius ``r`` that turns about y, ``wide`` metres wide, beside the plane y =
+    ``at[1]``. Its hub is ``steel``."""
     x, y, z = at
     y += side * 0.003
     start = y if side > 0 else y - wide
@@ -54,10 +56,10 @@ def add_wheel(asm, root, at, r, wide, side, steel: Material) -> None:
 
 
 def add_side_shelf(rng, asm, root, y, side, x, z, long, deep, unit, board: Material) -> None:
-    """A side shelf that folds about x at the plane ``y``, level or hanging down at rest.
+    """Add a side shelf that folds about x at the plane ``y``, level or hanging down at rest.
 
     ``side``: 1 towards +y, -1 towards -y. ``x``: its middle. ``z``: its upper edge. ``long``:
-    how far it reaches out. ``deep``: its extent along x.
+    how far it reaches out. ``deep``: its extent along x. All are in metres.
     """
     thick, air = 2.2 * unit, 0.4 * unit
     a, b = y + side * air, y + side * (air + long)
@@ -80,20 +82,21 @@ def add_side_shelf(rng, asm, root, y, side, x, z, long, deep, unit, board: Mater
 
 
 def handle(start, end, out, r) -> Manifold:
-    """A bar of radius ``r`` held off a face by ``out`` (x, z), on feet at ``start`` and ``end``."""
+    """A bar of radius ``r`` (metres) that stands off a face by ``out`` (x, z), on feet at ``start``
+    and ``end``."""
     away = [out[0], 0, out[1]]
     return pipe([start, np.add(start, away), np.add(end, away), end], r, 10)
 
 
 def handle_across(half, x, z, out, r) -> Manifold:
-    """A handle along y, ``half`` to each side, on the point (x, z)."""
+    """A handle along y through the point (x, z), ``half`` metres to each side."""
     return handle([x, -half, z], [x, half, z], out, r)
 
 
 def grate_slots(x0, x1, half, count, spare=0, share=0.7, top=3.0) -> list[Manifold]:
-    """Upright slots from ``x0`` to ``x1`` through a grate ``half`` wide to each side: ``count`` in
-    all, of which ``spare`` at each end are left out. Each ends at ``share`` of its pitch and at
-    the height ``top``."""
+    """Slots along x, from ``x0`` to ``x1`` (metres), to cut through a grate that reaches ``half``
+    to each side. There are ``count`` places, of which ``spare`` at each end stay uncut. Each slot
+    spans 0.2 to ``share`` of its pitch and z = 0 to ``top``."""
     pitch = 2 * half / count
     return [
         box([x0, -half + (k + 0.2) * pitch, 0], [x1, -half + (k + share) * pitch, top])

@@ -30,8 +30,8 @@ from uniart_jax.procedural.shapes import (
 
 
 def gas_grill(rng: np.random.Generator) -> ArticulatedObject:
-    """A box with burners under a hinged hood, knobs in front, on a cart with doors, shelves and
-    wheels."""
+    """A gas grill in metres: a box with burners under a hinged hood, knobs in front, on a cart with
+    doors, shelves and wheels, or on a table."""
     half, depth = float(rng.uniform(0.26, 0.45)), float(rng.uniform(0.42, 0.58))
     seam = float(rng.uniform(0.8, 0.95))
     table = rng.random() < 0.18
@@ -126,8 +126,8 @@ def gas_grill(rng: np.random.Generator) -> ArticulatedObject:
 
 
 def _add_cart(rng, body, kind, half, depth, floor, wheel, unit, face, dark) -> list[tuple]:
-    """What carries the box: feet, four legs with a shelf, or a cabinet; returns its doors: (lo, hi,
-    hinge's side)."""
+    """Add what carries the box: feet, four legs with a shelf, or a cabinet. Returns the cabinet's
+    doors: (lo, hi, hinge side)."""
     w = float(rng.uniform(2, 3.5)) * unit
     xs, ys = (0.0, depth - w), (-half, half - w)
     low = wheel * 1.4
@@ -162,7 +162,7 @@ def _add_cart(rng, body, kind, half, depth, floor, wheel, unit, face, dark) -> l
 
 
 def _add_door(rng, asm, root, lo, hi, side, unit, face, steel, level: bool) -> None:
-    """A flat door in front, hinged at the ``side`` of y, with a bar to pull, upright or
+    """Add a flat front door, hinged at the ``side`` of y, with a bar handle that is upright or
     ``level``."""
     plate = box(lo, hi)
     y = lo[1] + 6 * unit if side > 0 else hi[1] - 6 * unit
@@ -180,8 +180,8 @@ def _add_door(rng, asm, root, lo, hi, side, unit, face, steel, level: bool) -> N
 
 
 def _draw_hood(rng, half, depth, low, high, wall, unit, face, steel) -> Shape:
-    """A hollow hood with a handle: an arch, a slope, or a box with a rounded edge; cheeks of
-    another colour at times."""
+    """A hollow hood with a handle: an arch, a slope, or a box with a rounded edge. Some have cheeks
+    of another colour."""
     kind = str(rng.choice(["arch", "slope", "edge"], p=[0.35, 0.4, 0.25]))
     if kind == "arch":
         t = np.linspace(0, np.pi, 15)

@@ -1,5 +1,5 @@
-"""Buckets, tubs, baskets, crates, watering cans and cooler boxes: bail handles that swing, drop
-handles at the sides, lids that lift off or are hinged."""
+"""Buckets, tubs, baskets, crates, watering cans and cooler boxes, with bail handles that swing,
+drop handles at the sides, and lids that lift off or are hinged."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from uniart_jax.procedural.everyday.bucket_bodies import (
     add_drop_handles,
     add_trim,
     assembled,
+    bail_options,
     draw_finish,
     draw_lid,
     draw_vessel,
     filled,
-    lid_corners,
     openings,
     with_rim,
 )
@@ -41,7 +41,7 @@ KINDS = ("pail", "tub", "basket", "crate", "can", "cooler")
 
 
 def build(rng: np.random.Generator) -> ArticulatedObject:
-    """A bucket or its like, metres, its handles down or up and its lid on."""
+    """A bucket or similar container in metres, its lid on and its handles down or up."""
     kind = str(rng.choice(KINDS, p=[0.26, 0.14, 0.18, 0.12, 0.14, 0.16]))
     make = {"pail": _pail, "tub": _tub, "basket": _basket, "crate": _crate}
     make |= {"can": _can, "cooler": _cooler}
@@ -54,6 +54,7 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
 
 
 def _pail(rng) -> list[Spec]:
+    """A pail, round, oval or square: a bail, a spout at times, and a lid."""
     height = float(rng.uniform(0.18, 0.42))
     wide = height * float(rng.uniform(0.75, 1.35))
     oval = float(rng.uniform(0.6, 0.85)) if rng.random() < 0.2 else 1.0
@@ -97,13 +98,14 @@ def _pail(rng) -> list[Spec]:
             unit,
             accent,
             upright=standing,
-            **lid_corners(v, parts),
+            **bail_options(v, parts),
         )
     )
     return parts
 
 
 def _tub(rng) -> list[Spec]:
+    """A wide tub with drop handles and at times a lid."""
     height = float(rng.uniform(0.2, 0.4))
     wide, deep = height * rng.uniform(1.3, 2.2), height * rng.uniform(1.2, 1.7)
     deep = min(deep, wide)
@@ -124,6 +126,7 @@ def _tub(rng) -> list[Spec]:
 
 
 def _basket(rng) -> list[Spec]:
+    """A rectangular basket: open, or with a lid or two flaps; one bail or two."""
     wide = float(rng.uniform(0.3, 0.5))
     deep, height = wide * float(rng.uniform(0.55, 0.8)), wide * float(rng.uniform(0.38, 0.62))
     unit = wide / 100
@@ -196,13 +199,14 @@ def _basket(rng) -> list[Spec]:
                 unit,
                 accent,
                 upright=0.3 if style == "open" else 0.0,
-                **lid_corners(v, parts),
+                **bail_options(v, parts),
             )
         )
     return parts
 
 
 def _crate(rng) -> list[Spec]:
+    """A rectangular crate with drop handles; its walls may have openings, and it may have a lid."""
     wide = float(rng.uniform(0.35, 0.7))
     deep, height = wide * float(rng.uniform(0.5, 0.85)), wide * float(rng.uniform(0.35, 0.65))
     unit = wide / 100
@@ -220,7 +224,8 @@ def _crate(rng) -> list[Spec]:
 
 
 def _can(rng) -> list[Spec]:
-    """A watering can: a spout with a rose that turns, a loop behind, a bail or a lid on top."""
+    """A watering can: a spout with a rose that turns, a loop handle behind, and a bail or a lid on
+    top."""
     height = float(rng.uniform(0.18, 0.3))
     wide = height * float(rng.uniform(0.7, 1.1))
     unit = height / 70
@@ -291,6 +296,7 @@ def _can(rng) -> list[Spec]:
 
 
 def _cooler(rng) -> list[Spec]:
+    """A cooler box with a hinged lid, and at times a drain plug, a bail and wheels."""
     wide = float(rng.uniform(0.3, 0.62))
     deep, height = wide * float(rng.uniform(0.5, 0.8)), wide * float(rng.uniform(0.5, 0.95))
     unit = max(wide, height) / 100
@@ -336,7 +342,7 @@ def _cooler(rng) -> list[Spec]:
                 cover,
                 both=False,
                 upright=0.0,
-                **lid_corners(v, parts),
+                **bail_options(v, parts),
             )
         )
     else:

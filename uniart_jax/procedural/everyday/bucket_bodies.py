@@ -1,5 +1,6 @@
-"""Open vessels of any outline, and what buckets, baskets and cooler boxes have on them: rims,
-hoops, bails, drop handles, lids."""
+"""Open vessels of any outline, and the parts of buckets, baskets and cooler boxes: rims, hoops,
+bails, drop handles and lids. Lengths are in metres; ``unit`` is a hundredth of the object's
+size."""
 
 from __future__ import annotations
 
@@ -31,18 +32,20 @@ Spec = tuple[str, Pieces, int, Joint | None]  # a part before the object is turn
 
 
 def assembled(parts: list[Spec], yaw: float) -> ArticulatedObject:
-    """The object of these parts, all turned about z."""
+    """The object made of ``parts``, in metres, turned about z by ``yaw`` radians."""
     made = [(name, shape_of(pieces), parent, joint) for name, pieces, parent, joint in parts]
     return shapes.assembled(made, about_z(yaw))
 
 
 def filled(pieces: Pieces) -> Manifold:
+    """The union of the solids of ``pieces``."""
     return union(solid for solid, _ in pieces)
 
 
 @dataclasses.dataclass
 class Vessel:
-    """A vessel on z = 0: its outlines at the floor and at the rim [n, 2], metres."""
+    """An open vessel on z = 0: its outlines [n, 2] at the floor and at the rim, height and wall
+    (metres)."""
 
     low: np.ndarray
     top: np.ndarray
@@ -50,34 +53,40 @@ class Vessel:
     wall: float
 
     def outline(self, z: float, grow: float = 0.0) -> np.ndarray:
-        """The outline at height ``z``, grown on all sides by about ``grow``."""
+        """The outline [n, 2] at height ``z``, grown on all sides by about ``grow`` metres."""
         at = self.low + (self.top - self.low) * z / self.height
         return at * (1 + grow / np.abs(at).max(0))
 
     def half(self, axis: int, z: float) -> float:
+        """How far the outline at height ``z`` reaches along ``axis`` (0: x, 1: y), metres."""
         return float(np.abs(self.outline(z)[:, axis]).max())
 
     def band(self, z0: float, z1: float, grow: float) -> Manifold:
-        """What lies between two heights, walls and room, grown by ``grow``."""
+        """The solid between two heights, walls and inside together, grown by ``grow`` metres."""
         return loft(self.outline(z0, grow), self.outline(z1, grow), z0, z1)
 
     @property
     def full(self) -> Manifold:
+        """The vessel filled to its rim."""
         return self.band(0, self.height, 0)
 
     @property
     def skin(self) -> Manifold:
-        """What fittings on the walls must leave free, a hair more than ``full``."""
+        """The vessel filled and a hair larger than ``full``; fittings on the walls are cut by
+        it."""
         return self.band(-0.01, self.height + 0.01, 2e-4)
 
     def hollow(self) -> Manifold:
+        """The vessel without its inside."""
         return self.full - self.band(self.wall, self.height + 0.01, -self.wall)
 
 
-def draw_vessel(rng, size, height: float, flare: float, square: bool, wall: float) -> Vessel:
-    """A vessel that is ``size`` (x, y) at the rim and ``flare`` of it at the floor."""
+def draw_vessel(
+    rng, size: tuple[float, float], height: float, flare: float, square: bool, wall: float
+) -> Vessel:
+    """A vessel in metres whose rim is ``size`` (x, y); its floor is ``flare`` times as large."""
     if square:
-        top = rounded(*size, float(rng.uniform(0.04, 0.25)) * min(size), 5)
+        top = rounded(size[0], size[1], float(rng.uniform(0.04, 0.25)) * min(size), 5)
     else:
         angle = np.linspace(0, 2 * np.pi, 30, endpoint=False)
         top = np.column_stack([np.cos(angle), np.sin(angle)]) * np.array(size) / 2
@@ -85,7 +94,7 @@ def draw_vessel(rng, size, height: float, flare: float, square: bool, wall: floa
 
 
 def draw_finish(rng: np.random.Generator) -> Material:
-    """Plastic of any colour, zinc, enamel, wood, white or black."""
+    """Draw the finish of a vessel: plastic of any colour, zinc, enamel, wood, white or black."""
     kind = rng.choice(5, p=[0.42, 0.2, 0.15, 0.1, 0.13])
     if kind == 0:
         return plain(hsv(rng, (0, 1), (0.35, 0.95), (0.3, 0.95)))
@@ -96,8 +105,8 @@ def draw_finish(rng: np.random.Generator) -> Material:
     return materials.wood(rng) if kind == 3 else materials.paint(rng)
 
 
-def _way(solid: Manifold, at: np.ndarray, sense: int, others: Manifold) -> float:
-    """Degrees by which a bail may fall from upright about y before it touches something."""
+def _free_angle(solid: Manifold, at: np.ndarray, sense: int, others: Manifold) -> float:
+    """The degrees by which a bail can fall from upright about y before it touches something."""
     angles = (0, 40, 60, 75, 85, 92, 99, 106, 113, 120, 128, 136, 144)
     least, most = 0, len(angles)
     while most - least > 1:
@@ -112,11 +121,12 @@ def _way(solid: Manifold, at: np.ndarray, sense: int, others: Manifold) -> float
 def add_bail(
     rng, body: Pieces, v: Vessel, others: Manifold, at, length, unit, ear, **options
 ) -> Spec:
-    """A bail about y through ``at`` (x, z), at rest down in front, over the rim, or upright; its
-    ears are added to the body. ``others``: what it must not run into.
+    """A bail handle (metres) that turns about y through ``at`` (x, z) and rests upright or fallen.
+    Its ears are added to ``body``; ``others`` is what it must not hit.
 
-    Options: ``sense`` -1 falls to the front, 1 to the rear; ``both`` may go over to the other
-    side; ``upright``: the share that stands at rest.
+    Options: ``sense`` is -1 to fall to the front, 1 to the rear. ``both`` lets it fall to the other
+    side too. ``upright`` is the probability that it rests upright. ``power`` is the exponent of its
+    arch; a large one makes it square.
     """
     sense, both = options.get("sense", -1), options.get("both", True)
     x, z = at
@@ -144,8 +154,8 @@ def add_bail(
     whole = pipe(line[::2], r, 5)  # rougher, to try its ways
     whole = whole if grip is None else whole + grip
     others = others + box([-2, -2, -1], [2, 2, 0])  # nor below the floor
-    fall = _way(whole, pivot, sense, others)
-    over = _way(whole, pivot, -sense, others) if both else 0.0
+    fall = _free_angle(whole, pivot, sense, others)
+    over = _free_angle(whole, pivot, -sense, others) if both else 0.0
     for side in (-1, 1):
         lo, hi = sorted((side * (wide - r - 0.5 * unit), side * 0.5 * v.half(1, z)))
         plate = box([x - size, lo, z - size], [x + size, hi, z + size])
@@ -162,13 +172,17 @@ def add_bail(
     return "handle", shape, 0, hinge(pivot, (0, 1, 0), float(np.deg2rad(most)))
 
 
-def lid_corners(v: Vessel, parts: list[Spec]) -> dict[str, float]:
-    """Bails that must pass around the corners of a lid are square too."""
+def bail_options(v: Vessel, parts: list[Spec]) -> dict[str, float]:
+    """Options for ``add_bail``: a bail that must clear the corners of a rectangular lid is
+    square."""
     return {"power": 9.0} if len(parts) > 1 and len(v.top) == 20 else {}
 
 
-def add_drop_handles(rng, body: Pieces, v: Vessel, z: float, unit: float, metal: Material) -> list:
-    """Two handles that hang at the sides and swing up and out."""
+def add_drop_handles(
+    rng, body: Pieces, v: Vessel, z: float, unit: float, metal: Material
+) -> list[Spec]:
+    """Two handles (metres) that hang at the sides and swing up and out. Their lugs are added to
+    ``body``."""
     r = float(rng.uniform(1.0, 1.5)) * unit
     span = float(rng.uniform(0.16, 0.3)) * v.half(0, z)
     span = max(span, 5 * unit)
@@ -192,7 +206,8 @@ def add_drop_handles(rng, body: Pieces, v: Vessel, z: float, unit: float, metal:
 
 
 def draw_lid(rng, v: Vessel, unit: float, face: Material, *, hinged: bool, grow=0.0) -> Spec:
-    """A flat, stepped or vaulted cover on the rim, with a knob or a bar if it is lifted off."""
+    """A flat, stepped or raised lid on the rim (metres). A lid that lifts off has a knob or a
+    bar."""
     base = v.height + 0.35 * unit
     thick = float(rng.uniform(1.5, 4)) * unit
     shape: Pieces = []
@@ -224,7 +239,7 @@ def draw_lid(rng, v: Vessel, unit: float, face: Material, *, hinged: bool, grow=
 
 
 def add_trim(rng, body: Pieces, v: Vessel, unit: float, face: Material, accent: Material) -> float:
-    """A rim, hoops and a foot; returns how far the rim stands out."""
+    """Add a rim and hoops to ``body``; returns how far the rim stands out, metres."""
     proud = float(rng.uniform(0.5, 1.3)) * unit
     if rng.random() < 0.75:
         deep = float(rng.uniform(1.2, 4)) * unit
@@ -238,12 +253,14 @@ def add_trim(rng, body: Pieces, v: Vessel, unit: float, face: Material, accent: 
 
 
 def with_rim(v: Vessel, proud: float) -> Manifold:
-    """The vessel with its rim, filled, as bails see it."""
+    """The filled vessel with its rim, which stands out by ``proud`` metres: what bails must
+    clear."""
     return union([v.full, v.band(0.9 * v.height, v.height, proud)])
 
 
 def openings(rng, v: Vessel, unit: float) -> list[Manifold]:
-    """Holes in rows through the walls of a square vessel, or slots between slats."""
+    """Solids (metres) to cut out of the walls of a rectangular vessel: rows of holes or gaps
+    between slats."""
     rows, columns = int(rng.integers(2, 5)), int(rng.choice([1, 2, 4, 6]))
     lo, hi = 0.12 * v.height, 0.82 * v.height
     pitch, holes = (hi - lo) / rows, []

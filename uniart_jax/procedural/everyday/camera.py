@@ -1,5 +1,5 @@
-"""Cameras, camcorders and watching cameras: lenses that turn or slide out, dials, buttons, flashes
-and screens that swing; binoculars, projectors and microscopes."""
+"""Cameras, camcorders and security cameras with lenses that turn or slide out, dials, buttons,
+flashes and screens that swing. Binoculars, projectors and microscopes are in ``optics``."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ from uniart_jax.procedural.shapes import (
 
 
 def build(rng: np.random.Generator) -> ArticulatedObject:
-    """A camera or another optical device, metres, closed; it looks towards -x."""
-    makers = (_still, _camcorder, _watching, binoculars, projector, microscope)
+    """A camera or another optical device in metres, closed; it looks towards -x."""
+    makers = (_still, _camcorder, _security, binoculars, projector, microscope)
     return makers[rng.choice(6, p=[0.42, 0.14, 0.1, 0.11, 0.12, 0.11])](rng)
 
 
@@ -149,7 +149,8 @@ def _still(rng: np.random.Generator) -> ArticulatedObject:
 
 
 def _tops(rng, body, high, deep, half, side, unit, metal, trim, taken, wide) -> list[tuple]:
-    """Button and dials on top, beside what stands there already; a button's post is the body's."""
+    """A button and dials on top, clear of what stands there already. A button's post is added to
+    the body."""
     found = []
     x, air = 0.5 * deep, 0.4 * unit
     r = min(float(rng.uniform(5, 9)) * unit, 0.42 * deep)
@@ -178,11 +179,12 @@ def _tops(rng, body, high, deep, half, side, unit, metal, trim, taken, wide) -> 
 
 
 def _bright(rng) -> Material:
+    """Draw a bright plastic finish."""
     return plain(materials.hsv(rng, (0, 1), (0.6, 0.95), (0.6, 0.95)))
 
 
 def _camcorder(rng: np.random.Generator) -> ArticulatedObject:
-    """A camcorder: a screen that swings out of its side, a finder that tilts at the rear."""
+    """A camcorder: a screen that swings out of its side and a viewfinder that tilts at the rear."""
     long = float(rng.uniform(0.1, 0.3))
     unit = long / 100
     half, high = float(rng.uniform(14, 24)) * unit, float(rng.uniform(38, 60)) * unit
@@ -245,8 +247,8 @@ def _camcorder(rng: np.random.Generator) -> ArticulatedObject:
     return asm.object()
 
 
-def _watching(rng: np.random.Generator) -> ArticulatedObject:
-    """A camera for watching or for calls: it turns on a foot and nods in a fork."""
+def _security(rng: np.random.Generator) -> ArticulatedObject:
+    """A security camera or webcam that pans on a foot and tilts in a fork."""
     s = float(rng.uniform(0.05, 0.12))
     unit, air = s / 50, s / 150
     face, trim = casing(rng), casing(rng)

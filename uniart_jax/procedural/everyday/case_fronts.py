@@ -1,4 +1,5 @@
-"""Cases of sheet metal or wood and their doors and flaps: finishes, hinges, pulls, roofs, posts."""
+"""Cases of sheet metal or wood with their doors and flaps: finishes, hinges, pulls, roofs and
+posts. Lengths are in metres; ``unit`` is a hundredth of the object's size."""
 
 from __future__ import annotations
 
@@ -22,7 +23,7 @@ Span = tuple[float, float, float, float]  # y0, y1, z0, z1
 
 
 def draw_paint(rng: np.random.Generator) -> Material:
-    """Sheet metal in a signal colour, plain paint, steel, wood or black."""
+    """Draw the finish of a case: a signal colour, paint, steel, wood or black."""
     kind = rng.choice(5, p=[0.35, 0.25, 0.17, 0.13, 0.1])
     if kind == 0:
         hue = float(rng.choice([0.0, 0.14, 0.33, 0.6, rng.random()]))
@@ -35,9 +36,8 @@ def draw_paint(rng: np.random.Generator) -> Material:
 
 
 def open_at(rng, side: str, x: float, span: Span, low: float, high: float) -> Joint:
-    """The joint of a panel whose front is the plane ``x``, hinged there at one of its sides.
-
-    It opens by ``low`` to ``high`` degrees."""
+    """The joint of a panel on the plane ``x`` (metres), hinged at ``side``: left, right, top or
+    bottom. It opens by ``low`` to ``high`` degrees."""
     y0, y1, z0, z1 = span
     angle = float(np.deg2rad(rng.uniform(low, high)))
     at, axis = {
@@ -50,8 +50,8 @@ def open_at(rng, side: str, x: float, span: Span, low: float, high: float) -> Jo
 
 
 def doorway(span: Span, inset: float, x: float) -> Manifold:
-    """What is cut out of a front behind a panel at ``span``: smaller by ``inset`` all around, from
-    before the front to ``x``."""
+    """The solid to cut out of a front behind a panel at ``span`` (metres): smaller than it by
+    ``inset`` all around, and as deep as ``x``."""
     y0, y1, z0, z1 = span
     return box([-1, y0 + inset, z0 + inset], [x, y1 - inset, z1 - inset])
 
@@ -59,7 +59,7 @@ def doorway(span: Span, inset: float, x: float) -> Manifold:
 def add_pull(
     rng, shape: Shape, side: str, x: float, span: Span, unit: float, metal: Material
 ) -> None:
-    """A knob, a bar or a lock near the side that is opposite to the hinge."""
+    """Add a knob, a bar or a lock to a panel, near the side opposite to its hinge (metres)."""
     y0, y1, z0, z1 = span
     wide, tall = y1 - y0, z1 - z0
     edge = 0.13 * min(wide, tall) + unit
@@ -83,7 +83,7 @@ def add_pull(
 
 
 def draw_plate(rng, x: float, span: Span, thick: float) -> Manifold:
-    """A panel before the plane ``x``, its corners square or rounded."""
+    """A panel ``thick`` metres thick in front of the plane ``x``, its corners square or rounded."""
     y0, y1, z0, z1 = span
     corner = float(rng.choice([0.0, 0.08])) * min(y1 - y0, z1 - z0)
     if corner == 0:
@@ -109,8 +109,9 @@ def add_panel(
     marked: bool = False,
     swing: tuple[float, float] = (80, 130),
 ) -> int:
-    """A door or flap before the plane ``x``, hinged at ``side``, ``thick`` metres thick; it opens
-    by ``swing`` degrees. ``marked``: at times with a label or a window."""
+    """Add a door or flap in front of the plane ``x``, hinged at ``side`` and ``thick`` metres
+    thick; returns its index. It opens by an angle within ``swing``, degrees. A ``marked`` panel may
+    carry a label or a window."""
     x, thick = x - 0.3 * unit, 1.6 * unit if thick is None else thick
     shape = Shape().add(draw_plate(rng, x, span, thick), face)
     if pull:
@@ -126,22 +127,23 @@ def add_panel(
 
 
 def arch(half: float, low: float, rise: float, points: int) -> np.ndarray:
-    """An outline [n, 2] from z = 0, ``half`` wide to each side: upright to ``low``, above it an
-    arch of ``points`` points that is ``rise`` high."""
+    """An outline [n, 2] in metres that stands on z = 0 and reaches ``half`` to each side: upright
+    up to ``low``, then an arch of ``points`` points that is ``rise`` high."""
     t = np.linspace(0, np.pi, points)
     top = np.column_stack([half * np.cos(t), low + rise * np.sin(t)])
     return np.vstack([[[-half, 0], [half, 0]], top])
 
 
 def inner_outline(outline: np.ndarray, wide: float, high: float, wall: float) -> np.ndarray:
-    """An outline [n, 2] that is ``wide`` and ``high``, drawn in by ``wall`` at each side."""
+    """An outline [n, 2] that is ``wide`` and ``high`` (metres), drawn in by ``wall`` at each
+    side."""
     middle = np.array([0, high / 2])
     return middle + (outline - middle) * [1 - 2 * wall / wide, 1 - 2 * wall / high]
 
 
 def roofed_case(rng, wide: float, deep: float, high: float, wall: float, base: float):
-    """A hollow case on z = ``base`` whose roof is flat, slanted, a gable or an arch; its solid, how
-    high its front's flat part is, and its whole height."""
+    """A hollow case in metres on z = ``base`` whose roof is flat, slanted, a gable or an arch.
+    Returns its solid, the height of the front's flat part and the whole height."""
     half, kind = wide / 2, str(rng.choice(["flat", "slant", "gable", "arch"]))
     if kind == "slant":
         drop = min(0.25 * high, 0.7 * deep)
@@ -166,7 +168,8 @@ def roofed_case(rng, wide: float, deep: float, high: float, wall: float, base: f
 
 
 def add_posts(rng, body: Shape, wide, deep, base, unit) -> None:
-    """What carries a case whose floor is at z = ``base``: a post, two posts, a foot plate."""
+    """Add what carries a case whose floor is at z = ``base`` (metres): a post, two posts or a foot
+    plate."""
     material = materials.wood(rng) if rng.random() < 0.5 else materials.dark(rng)
     r = float(rng.uniform(1.6, 3.2)) * unit
     ys = [0.0] if rng.random() < 0.6 else [-0.36 * wide, 0.36 * wide]

@@ -1,4 +1,4 @@
-"""Caskets, flat cases, scanners with a lid, and books: boxes that open at one edge."""
+"""Caskets, flat cases, scanners with a lid, and books: things that open at one edge, in metres."""
 
 from __future__ import annotations
 
@@ -30,12 +30,12 @@ Link = tuple[str, Shape, Joint]
 
 
 def finish(rng: np.random.Generator) -> Material:
-    """Plastic of any colour, steel, white, black."""
+    """Draw a finish: plastic of any colour, steel, white or black."""
     return materials.casing(rng, (0.25, 0.2, 0.25, 0.3))
 
 
 def outline_of(rng, depth: float, wide: float, round_share: float) -> np.ndarray:
-    """A plan about 0: a rectangle with rounded corners, or an ellipse."""
+    """A plan [n, 2] in metres about 0: a rectangle with rounded corners, or an ellipse."""
     if rng.random() < round_share:
         angle = np.linspace(0, 2 * np.pi, 36, endpoint=False)
         return np.column_stack([depth / 2 * np.cos(angle), wide / 2 * np.sin(angle)])
@@ -43,7 +43,7 @@ def outline_of(rng, depth: float, wide: float, round_share: float) -> np.ndarray
 
 
 def casket(rng: np.random.Generator) -> Assembly:
-    """A jewellery box or chest: hollow lid, drawers below, a clasp, a lining."""
+    """A jewellery box or chest in metres: a hollow lid, drawers below, a clasp and a lining."""
     wide = float(rng.uniform(0.14, 0.4))
     depth = wide * float(rng.uniform(0.5, 1.0))
     high = wide * float(rng.uniform(0.25, 0.85))
@@ -100,7 +100,7 @@ def casket(rng: np.random.Generator) -> Assembly:
 
 
 def _shell(plan, depth, z0, seam, top, wall, air, crown) -> tuple[Manifold, Manifold]:
-    """A tray and a hollow lid over it, ``crown`` of the plan at its top."""
+    """A tray and a hollow lid over it. The lid's top is ``crown`` times the plan."""
     mid, low = depth / 2, seam + air
     inner = inset(plan, wall)
     body = extrusion(plan, "z", [mid, 0, z0], seam - z0)
@@ -112,7 +112,8 @@ def _shell(plan, depth, z0, seam, top, wall, air, crown) -> tuple[Manifold, Mani
 
 
 def compact(rng: np.random.Generator) -> Assembly:
-    """A flat case: a mirror, a palette, a tin, a pizza box; its lid hinged, or pinned at a side."""
+    """A flat case in metres: a mirror, a palette, a tin or a pizza box. Its lid is hinged, or
+    swings on a pin."""
     wide = float(rng.uniform(0.06, 0.3))
     depth = wide * float(rng.uniform(0.55, 1.05))
     unit = wide / 100
@@ -158,7 +159,8 @@ def compact(rng: np.random.Generator) -> Assembly:
 
 
 def scanner(rng: np.random.Generator) -> Assembly:
-    """A scanner or copier: a lid over glass, a panel with keys in front or beside, drawers."""
+    """A scanner or copier in metres: a lid over glass, a panel with keys in front or beside,
+    drawers."""
     wide = float(rng.uniform(0.35, 0.6))
     depth = wide * float(rng.uniform(0.65, 1.2))
     unit, half, air = max(wide, depth) / 100, wide / 2, 0.4 * max(wide, depth) / 100
@@ -246,7 +248,8 @@ def scanner(rng: np.random.Generator) -> Assembly:
 
 
 def book(rng: np.random.Generator) -> Assembly:
-    """A book, album or binder, lying or upright: a cover that opens about the spine, a strap."""
+    """A book, album or binder in metres, lying or upright: a cover that opens about the spine, a
+    strap at times."""
     wide = float(rng.uniform(0.14, 0.32))
     depth = wide * float(rng.uniform(0.75, 1.5))
     unit = max(wide, depth) / 100

@@ -1,4 +1,5 @@
-"""Wall, mantel, alarm, pendulum and tower clocks; scales, gauges and other instruments besides."""
+"""Wall, mantel, alarm, pendulum and tower clocks. Scales, gauges and other instruments of the
+family are in ``household_instruments``."""
 
 from __future__ import annotations
 
@@ -9,6 +10,7 @@ from uniart_jax.procedural import materials
 from uniart_jax.procedural.everyday import clock_dials, household_instruments
 from uniart_jax.procedural.materials import plain
 from uniart_jax.procedural.shapes import (
+    PartSpec,
     Shape,
     assembled,
     ball,
@@ -29,7 +31,7 @@ from uniart_jax.procedural.shapes import (
 
 
 def build(rng: np.random.Generator) -> ArticulatedObject:
-    """A thing with a dial, metres, at rest."""
+    """A clock or another instrument with a dial or pendulum, in metres, at rest."""
     kinds = (
         _wall,
         _pendulum,
@@ -45,8 +47,9 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     return assembled(make(rng))
 
 
-def _wall(rng: np.random.Generator) -> list[tuple]:
-    """A clock to hang or stand: a case, a rim or a hinged ring about the dial, knobs below it."""
+def _wall(rng: np.random.Generator) -> list[PartSpec]:
+    """A clock that hangs or stands: a case, a rim or a hinged ring around the dial, knobs below
+    it."""
     radius = float(rng.uniform(0.07, 0.2))
     kind = str(rng.choice(["round", "square", "arch", "gable"], p=[0.45, 0.25, 0.2, 0.1]))
     rim, depth = float(rng.uniform(0.1, 0.35)) * radius, float(rng.uniform(0.25, 0.8)) * radius
@@ -80,7 +83,10 @@ def _wall(rng: np.random.Generator) -> list[tuple]:
                 clock_dials.finish(rng),
             )
         )
-    parts = [("case", Shape(), -1, None), *clock_dials.hands(rng, front, 0, rise, radius, ink)]
+    parts: list[PartSpec] = [
+        ("case", Shape(), -1, None),
+        *clock_dials.hands(rng, front, 0, rise, radius, ink),
+    ]
     reach = front - 0.17 * radius
     outer, ring = radius + 0.8 * rim, rng.choice(["door", "rim", "none"], p=[0.5, 0.3, 0.2])
     if ring == "rim":
@@ -118,7 +124,7 @@ def _wall(rng: np.random.Generator) -> list[tuple]:
 
 
 def _bob(rng, x, z, long, size, thick, tone, rod, most=0.3) -> tuple[Shape, float]:
-    """A pendulum that hangs from (x, 0, z), drawn aside by the angle returned."""
+    """A pendulum that hangs from (x, 0, z), and the angle in radians by which it is drawn aside."""
     out = min(float(np.deg2rad(rng.uniform(7, 12))), float(most))
     bar = box(
         [x - 0.2 * thick, -0.12 * size, z - long], [x + 0.2 * thick, 0.12 * size, z + 0.2 * size]
@@ -132,8 +138,9 @@ def _bob(rng, x, z, long, size, thick, tone, rod, most=0.3) -> tuple[Shape, floa
     return clock_dials.trimmed(*turned), out
 
 
-def _trunk_door(rng, wide: float, edge: float, span, wall: float, tone, gold) -> tuple:
-    """A glazed door before a pendulum, ``edge`` to each side and over the heights ``span``."""
+def _trunk_door(rng, wide: float, edge: float, span, wall: float, tone, gold) -> PartSpec:
+    """A glazed door in front of a pendulum. It reaches ``edge`` to each side and over the heights
+    ``span``."""
     way, air, thick = int(rng.choice([-1, 1])), 0.004 * wide, 0.05 * wide
     a, b = span
     door = box([-thick, -edge, a], [-air, edge, b])
@@ -143,11 +150,11 @@ def _trunk_door(rng, wide: float, edge: float, span, wall: float, tone, gold) ->
     return "door", clock_dials.trimmed((door, tone), (knob, gold)), 0, joint
 
 
-def _weights(rng, wide: float, x: float, low: float, gold, metal) -> list[tuple]:
-    """Two weights on chains below a case at ``low``, that sink."""
+def _weights(rng, wide: float, x: float, low: float, gold, metal) -> list[PartSpec]:
+    """Two weights that hang on chains from a case's floor at ``low`` and sink."""
     r, chain = 0.07 * wide, wide * float(rng.uniform(0.3, 0.8))
     travel = wide * float(rng.uniform(0.4, 0.9))
-    parts = []
+    parts: list[PartSpec] = []
     for y in (-0.33 * wide, 0.33 * wide):
         z = low - chain * float(rng.uniform(0.5, 1))
         weight = cylinder("z", [x, y, z - 4 * r], 4 * r, 0.6 * r, r, 12)
@@ -157,9 +164,8 @@ def _weights(rng, wide: float, x: float, low: float, gold, metal) -> list[tuple]
     return parts
 
 
-def _pendulum(rng: np.random.Generator) -> list[tuple]:
-    """A case with a window below the dial, a pendulum and weights in it, a door before them;
-    or a cuckoo's house with the pendulum below it."""
+def _pendulum(rng: np.random.Generator) -> list[PartSpec]:
+    """A pendulum clock: a case with a window, a pendulum, weights and a door; or a cuckoo clock."""
     house, tall = rng.random() < 0.3, rng.random() < 0.5
     wide = float(rng.uniform(0.16, 0.4))
     radius = wide * float(rng.uniform(0.3, 0.4) if not house else rng.uniform(0.24, 0.3))
@@ -179,7 +185,7 @@ def _pendulum(rng: np.random.Generator) -> list[tuple]:
     )
     dial_z = low + head * 0.5
     pieces, front, ink = clock_dials.dial(rng, 0, 0, dial_z, radius)
-    parts = [
+    parts: list[PartSpec] = [
         ("case", Shape(), -1, None),
         *clock_dials.hands(rng, front, 0, dial_z, radius, ink, 1.8 if trunk else 1.3),
     ]
@@ -238,7 +244,7 @@ def _pendulum(rng: np.random.Generator) -> list[tuple]:
     return parts
 
 
-def _alarm(rng: np.random.Generator) -> list[tuple]:
+def _alarm(rng: np.random.Generator) -> list[PartSpec]:
     """An alarm clock: a drum on feet with bells and a hammer, or a block with a button on top."""
     radius, tone, metal = (
         float(rng.uniform(0.035, 0.07)),
@@ -249,7 +255,10 @@ def _alarm(rng: np.random.Generator) -> list[tuple]:
     outer, bells = radius * float(rng.uniform(1.08, 1.3)), rng.random() < 0.6
     z = legs + outer
     pieces, front, ink = clock_dials.dial(rng, 0, 0, z, radius)
-    parts = [("case", Shape(), -1, None), *clock_dials.hands(rng, front, 0, z, radius, ink)]
+    parts: list[PartSpec] = [
+        ("case", Shape(), -1, None),
+        *clock_dials.hands(rng, front, 0, z, radius, ink),
+    ]
     if bells:
         case = cylinder("x", [0, 0, z], depth, outer, segments=36)
         spread = 0.62 * outer
@@ -329,7 +338,7 @@ def _alarm(rng: np.random.Generator) -> list[tuple]:
     return parts
 
 
-def _tower(rng: np.random.Generator) -> list[tuple]:
+def _tower(rng: np.random.Generator) -> list[PartSpec]:
     """A clock tower: a shaft under a roof, a dial with hands, a door at its foot."""
     wide = float(rng.uniform(0.2, 0.5))
     high, tone = (
@@ -347,7 +356,10 @@ def _tower(rng: np.random.Generator) -> list[tuple]:
     roof = hull(np.array([*corners, [half, 0, high + head + peak]]))
     radius, z = 0.44 * wide, high + head / 2
     pieces, front, ink = clock_dials.dial(rng, -grow, 0, z, radius)
-    parts = [("tower", Shape(), -1, None), *clock_dials.hands(rng, front, 0, z, radius, ink, 1.5)]
+    parts: list[PartSpec] = [
+        ("tower", Shape(), -1, None),
+        *clock_dials.hands(rng, front, 0, z, radius, ink, 1.5),
+    ]
     if rng.random() < 0.75:
         w, h, t = 0.22 * wide, wide * float(rng.uniform(0.6, 0.9)), 0.06 * wide
         shaft -= box([-1, -w, 0.03 * wide], [0.4 * wide, w, h])

@@ -1,4 +1,5 @@
-"""Dials with their marks, hands and needles; finishes, outlines and roofs of cases about them."""
+"""Dials with their marks, hands and needles; finishes, outlines and roofs of clock cases. Lengths
+are in metres."""
 
 from __future__ import annotations
 
@@ -8,6 +9,7 @@ from manifold3d import Manifold
 from uniart_jax.procedural import materials
 from uniart_jax.procedural.materials import Material, plain
 from uniart_jax.procedural.shapes import (
+    PartSpec,
     Shape,
     box,
     cylinder,
@@ -22,12 +24,12 @@ from uniart_jax.procedural.shapes import (
 
 
 def trimmed(*pieces: tuple[Manifold, Material]) -> Shape:
-    """Tidy solids that do not overlap, one a material; later ones give way."""
+    """A shape of tidy solids, one per material. Where they overlap, the later one is cut."""
     return shape_of(disjoint(pieces, tidied=1e-5))
 
 
 def finish(rng: np.random.Generator) -> Material:
-    """Wood, bright plastic or enamel, metal, dark or white."""
+    """Draw the finish of a case: wood, bright plastic or enamel, metal, dark or white."""
     kind = rng.choice(5, p=[0.3, 0.34, 0.12, 0.12, 0.12])
     if kind == 0:
         return materials.wood(rng)
@@ -39,8 +41,8 @@ def finish(rng: np.random.Generator) -> Material:
 
 
 def dial(rng, x: float, y: float, z: float, radius: float):
-    """A face that stands on the plane x towards -x with its marks: pieces, the plane before them,
-    and a tone for hands."""
+    """A dial of ``radius`` metres on the plane x, facing -x, with its marks. Returns its pieces,
+    the plane in front of them and a finish for hands."""
     light = rng.random() < 0.7
     face = plain(
         materials.hsv(rng, (0, 1), (0, 0.25 if light else 0.7), (0.85, 1) if light else (0.06, 0.4))
@@ -63,7 +65,8 @@ def dial(rng, x: float, y: float, z: float, radius: float):
 
 
 def _hand(rng, front, y, z, long, wide, thick, degrees, sharp: bool) -> Manifold:
-    """One hand about x whose rear lies in the plane ``front``, turned clockwise from noon."""
+    """One hand that turns about x, its rear in the plane ``front``, turned clockwise from noon by
+    ``degrees``."""
     tail = float(rng.uniform(0.1, 0.28)) * long
     tip = 0.25 * wide if sharp else wide
     plan = np.array(
@@ -81,9 +84,9 @@ def _hand(rng, front, y, z, long, wide, thick, degrees, sharp: bool) -> Manifold
     return solid.rotate((degrees, 0, 0)).translate((front, y, z))
 
 
-def hands(rng, front, y, z, radius, tone, bold: float = 1.0) -> list[tuple]:
-    """Hours, minutes and perhaps seconds, in layers, that turn without end; ``bold``: how
-    stout."""
+def hands(rng, front, y, z, radius, tone, bold: float = 1.0) -> list[PartSpec]:
+    """The parts of an hour hand, a minute hand and at times a second hand (metres), one in front of
+    the other. They turn without limit; ``bold`` scales their widths."""
     thick, air = 0.035 * bold * radius, 0.012 * radius
     sharp, parts = bool(rng.random() < 0.5), []
     lengths = [float(rng.uniform(0.5, 0.62)), float(rng.uniform(0.78, 0.92))]
@@ -102,8 +105,9 @@ def hands(rng, front, y, z, radius, tone, bold: float = 1.0) -> list[tuple]:
     return parts
 
 
-def needle(rng, front, y, z, radius, tone, sweep: float) -> tuple:
-    """A pointer that turns clockwise from the lower end of its scale."""
+def needle(rng, front, y, z, radius, tone, sweep: float) -> PartSpec:
+    """The part of a needle (metres) that turns clockwise by ``sweep`` radians from the lower end of
+    its scale."""
     thick, start = 0.05 * radius, -np.rad2deg(sweep) / 2
     hand = _hand(
         rng,
@@ -120,8 +124,8 @@ def needle(rng, front, y, z, radius, tone, sweep: float) -> tuple:
 
 
 def case_outline(rng, kind: str, wide: float, tall: float) -> np.ndarray:
-    """An outline (y, z) about 0 that holds a dial: round, square, many-cornered, arched, a
-    house."""
+    """An outline [n, 2] of (y, z) in metres about 0 that holds a dial: round, square, polygonal,
+    arched or a house."""
     if kind == "round":
         count = int(rng.choice([6, 8, 12, 40], p=[0.1, 0.2, 0.1, 0.6]))
         angle = (np.arange(count) + 0.5) * 2 * np.pi / count
@@ -148,8 +152,8 @@ def case_outline(rng, kind: str, wide: float, tall: float) -> np.ndarray:
 
 
 def roof(half: float, eaves, ridge, at, depth: float) -> Manifold:
-    """A gable roof ``depth`` deep from ``at`` on: ``half`` as wide, its lower and upper side at
-    heights ``eaves`` and ``ridge``."""
+    """A gable roof, ``depth`` metres deep from ``at`` on. ``half`` is half its width; ``eaves`` and
+    ``ridge`` are the (lower, upper) heights of its slab there."""
     (low, high), (under, top) = eaves, ridge
     outline = [[-half, low], [0, under], [half, low], [half, high], [0, top], [-half, high]]
     return extrusion(np.array(outline), "x", at, depth)

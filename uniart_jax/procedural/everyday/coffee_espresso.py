@@ -1,4 +1,4 @@
-"""Espresso machines: portafilters under a head, steam wands, levers; and bean-to-cup machines."""
+"""Espresso machines with portafilters, steam wands and levers; bean-to-cup machines."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ from uniart_jax.procedural.shapes import (
 
 
 def espresso_machine(rng: np.random.Generator) -> ArticulatedObject:
-    """One or two groups under a head, filter handles that turn, a tray, steam wands, knobs, at
-    times levers."""
+    """An espresso machine in metres: one or two groups under a head, portafilters that turn, a drip
+    tray, steam wands, knobs and at times levers."""
     groups = int(rng.choice([1, 2], p=[0.75, 0.25]))
     high = float(rng.uniform(0.3, 0.42))
     half = float(rng.uniform(0.1, 0.16)) + (groups - 1) * float(rng.uniform(0.08, 0.14))
@@ -143,7 +143,7 @@ def espresso_machine(rng: np.random.Generator) -> ArticulatedObject:
 
 
 def _add_cheeks_and_rail(rng, body: Shape, depth, half, high, back, unit, steel, trim) -> None:
-    """Cheeks at the sides and a rail for cups, as some have."""
+    """Add cheeks at the sides and a cup rail on some."""
     if rng.random() < 0.5:
         t = float(rng.uniform(1, 3)) * unit
         cheek = trim if rng.random() < 0.5 else draw_finish(rng)
@@ -159,7 +159,7 @@ def _add_cheeks_and_rail(rng, body: Shape, depth, half, high, back, unit, steel,
 
 
 def _add_steam_wand(rng, asm, root, side, half, x, head, base, unit, steel: Material) -> None:
-    """A steam pipe that hangs from a ball under the head and swings out to its side."""
+    """Add a steam wand that hangs from a ball under the head and swings out to its side."""
     y, r = side * 0.86 * half, 1.5 * unit
     top = [x, y, head - 2.6 * unit]
     low = base + (head - base) * float(rng.uniform(0.1, 0.35))
@@ -174,8 +174,8 @@ def _add_steam_wand(rng, asm, root, side, half, x, head, base, unit, steel: Mate
 
 
 def bean_to_cup_machine(rng: np.random.Generator) -> ArticulatedObject:
-    """A bean-to-cup machine: a spout that slides up and down, a tray, a tank drawn out, a lid for
-    the beans, a panel of buttons."""
+    """A bean-to-cup machine in metres: a spout that slides up and down, a drip tray, a tank that is
+    drawn out, a lid over the beans, and buttons."""
     high, half = float(rng.uniform(0.3, 0.4)), float(rng.uniform(0.11, 0.15))
     depth = float(rng.uniform(0.3, 0.44))
     unit = max(high, depth) / 100

@@ -1,4 +1,5 @@
-"""What coffee machines share: finishes, columns, lids, drip trays, buttons, knobs and jugs."""
+"""Parts that coffee machines share: finishes, columns, lids, drip trays, buttons, knobs and jugs.
+Lengths are in metres; ``unit`` is a hundredth of the object's size."""
 
 from __future__ import annotations
 
@@ -25,30 +26,30 @@ from uniart_jax.procedural.shapes import (
 
 
 def draw_finish(rng: np.random.Generator) -> Material:
-    """Steel, white, black or any colour."""
+    """Draw the finish of a body: steel, white, black or any colour."""
     return materials.appliance(rng) if rng.random() < 0.7 else plain(rng.uniform(0.1, 0.9, 3))
 
 
 def draw_trim(rng: np.random.Generator, face: Material) -> Material:
-    """What handles and trays are made of: unlike the body."""
+    """Draw the finish of handles and trays, mostly unlike that of the body, ``face``."""
     if sum(face.color) > 1.0 and rng.random() < 0.6:
         return materials.dark(rng)
     return materials.hardware(rng) if rng.random() < 0.75 else materials.wood(rng, textured=False)
 
 
 def column(rng, depth, half, low, high, corner, start=0.0) -> Manifold:
-    """An upright body from x = ``start`` to ``depth`` with rounded vertical edges."""
+    """An upright body in metres from x = ``start`` to ``depth`` with rounded vertical edges."""
     outline = rounded(depth - start, 2 * half, corner)
     return extrusion(outline, "z", [(start + depth) / 2, 0, low], high - low)
 
 
 def add_lid(rng, asm, root, lo, hi, top, unit, finish) -> None:
-    """A flat lid on the plane z = ``top``, from ``lo`` to ``hi`` (x, y); hinged behind or beside,
-    or lifted off."""
+    """Add a flat lid on the plane z = ``top``, from ``lo`` to ``hi`` (x, y, metres). It is hinged
+    at the rear or a side, or lifts off."""
     thick, air = float(rng.uniform(1.8, 4)) * unit, 0.3 * unit
     size = np.subtract(hi, lo)
     center = np.add(lo, hi) / 2
-    outline = rounded(*size, float(rng.uniform(0.02, 0.3)) * size.min())
+    outline = rounded(size[0], size[1], float(rng.uniform(0.02, 0.3)) * size.min())
     plate = extrusion(outline, "z", [*center, top + air], thick)
     tab = box(
         [lo[0] - 1.5 * unit, center[1] - 4 * unit, top + air + 0.3 * thick],
@@ -70,7 +71,8 @@ def add_lid(rng, asm, root, lo, hi, top, unit, finish) -> None:
 
 
 def add_drip_tray(rng, asm, root, lo, hi, unit, trim: Material) -> None:
-    """A drip tray with a slotted top, drawn out in front; lies in a recess of the base."""
+    """Add a drip tray with a slotted top from ``lo`` to ``hi`` (metres), in a recess of the base.
+    It slides out to the front."""
     lo, hi = np.array(lo), np.array(hi)
     slots = []
     count = int(rng.integers(4, 9))
@@ -92,7 +94,7 @@ def add_drip_tray(rng, asm, root, lo, hi, unit, trim: Material) -> None:
 
 
 def add_buttons(rng, asm, root, x, ys, z, r, finish: Material) -> None:
-    """Push buttons on the plane ``x``."""
+    """Add push buttons of radius ``r`` (metres) on the plane ``x``."""
     square = rng.random() < 0.4
     deep = 1.2 * r
     for y in ys:
@@ -103,15 +105,15 @@ def add_buttons(rng, asm, root, x, ys, z, r, finish: Material) -> None:
 
 
 def button_wells(x, ys, z, r) -> list[Manifold]:
-    """Holes for ``add_buttons``."""
+    """The holes (metres) to cut for ``add_buttons``."""
     return [
         box([x - 1, y - 1.1 * r, z - 1.1 * r], [x + 2 * r, y + 1.1 * r, z + 1.1 * r]) for y in ys
     ]
 
 
 def add_knobs(rng, asm, root, x, half, z, room, unit, trim) -> None:
-    """One to three knobs on the plane ``x``, about the height ``z``, within ``room`` above and
-    below."""
+    """Add one to three knobs on the plane ``x`` at the height ``z`` (metres), within ``room`` above
+    and below. None are added where they do not fit."""
     r = min(float(rng.uniform(2.6, 4.5)) * unit, 0.8 * room)
     count = int(rng.integers(1, 4))
     ys = np.linspace(-0.6, 0.6, count) * half
@@ -128,7 +130,7 @@ def add_knobs(rng, asm, root, x, half, z, room, unit, trim) -> None:
 
 
 def draw_jug(rng, x, low, high, radius, unit, trim) -> Shape:
-    """A glass or steel jug with a handle towards the front."""
+    """A glass or steel jug in metres with a handle towards the front."""
     tall = high - low
     neck = radius * float(rng.uniform(0.55, 0.95))
     belly = float(rng.uniform(0.2, 0.5))

@@ -27,7 +27,7 @@ from uniart_jax.procedural.shapes import (
 
 
 def hand_mill(rng: np.random.Generator) -> ArticulatedObject:
-    """A hand mill: a box with a drawer or a tube, a bowl, and a crank that turns on top."""
+    """A hand mill in metres: a box with a drawer, or a tube; a bowl; a crank that turns on top."""
     half = float(rng.uniform(0.05, 0.08))
     high = half * float(rng.uniform(1.6, 3.0))
     unit = 2 * half / 60
@@ -89,7 +89,7 @@ def hand_mill(rng: np.random.Generator) -> ArticulatedObject:
 
 
 def electric_grinder(rng: np.random.Generator) -> ArticulatedObject:
-    """An electric grinder: a hopper that turns, its lid, dials, a bin below."""
+    """An electric grinder in metres: a hopper that turns, its lid, dials and a bin below."""
     half, depth = float(rng.uniform(0.06, 0.09)), float(rng.uniform(0.14, 0.22))
     high = float(rng.uniform(0.22, 0.34))
     unit = high / 80

@@ -1,4 +1,5 @@
-"""Coffee machines and grinders; here the drip and capsule machines."""
+"""Drip and capsule coffee machines. The family's espresso machines and grinders are in
+``coffee_espresso`` and ``coffee_grinders``."""
 
 from __future__ import annotations
 
@@ -35,7 +36,7 @@ from uniart_jax.procedural.shapes import (
 
 
 def build(rng: np.random.Generator) -> ArticulatedObject:
-    """A coffee machine or grinder, metres, closed, its controls at -x."""
+    """A coffee machine or grinder in metres, closed, its controls at -x."""
     kinds = (
         _filter_machine,
         espresso_machine,
@@ -48,8 +49,8 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
 
 
 def _filter_machine(rng: np.random.Generator) -> ArticulatedObject:
-    """A column with tank and head over a hot plate: a jug, a lid, and a filter that swings
-    or slides out."""
+    """A drip machine: a column with a tank and a head over a hot plate, a jug, a lid, and a filter
+    that swings or slides out."""
     high, half = float(rng.uniform(0.28, 0.4)), float(rng.uniform(0.08, 0.12))
     depth = float(rng.uniform(0.2, 0.28))
     unit = high / 100
@@ -115,12 +116,13 @@ def _filter_machine(rng: np.random.Generator) -> ArticulatedObject:
 
 
 def _outlet(x, head, radius, unit) -> Manifold:
-    """The cone under a filter that the coffee runs out of."""
+    """The cone under a filter through which the coffee runs out."""
     return cylinder("z", [x, 0, head - 3 * unit], 3.5 * unit, 0.45 * radius, 0.8 * radius)
 
 
 def _capsule_machine(rng: np.random.Generator) -> ArticulatedObject:
-    """A narrow machine: a head on a column, a bow or lever on top, a tray below, a tank behind."""
+    """A narrow capsule machine: a head on a column, a lever on top, a drip tray below, a tank
+    behind."""
     high, half = float(rng.uniform(0.23, 0.33)), float(rng.uniform(0.05, 0.085))
     depth, unit = float(rng.uniform(0.24, 0.34)), high / 100
     air = 0.4 * unit

@@ -1,5 +1,5 @@
-"""Clamshells that open at one edge: sandwich presses and waffle irons with handles and knobs; the
-other kinds are in ``clamshells``."""
+"""Things that open like a clamshell: sandwich presses and waffle irons here, the other kinds in
+``clamshells``."""
 
 from __future__ import annotations
 
@@ -40,13 +40,13 @@ from uniart_jax.procedural.shapes import (
 
 
 def build(rng: np.random.Generator) -> ArticulatedObject:
-    """A clamshell, metres, closed."""
+    """A clamshell in metres, closed."""
     kind = rng.choice(5, p=[0.38, 0.17, 0.15, 0.15, 0.15])
     return (_press, casket, compact, scanner, book)[kind](rng).object()
 
 
 def _press(rng: np.random.Generator) -> Assembly:
-    """A sandwich press or waffle iron; some turn over in a stand."""
+    """A sandwich press or waffle iron. Some turn over in a stand."""
     wide = float(rng.uniform(0.2, 0.4))
     depth = wide * float(rng.uniform(0.65, 1.15))
     outline = outline_of(rng, depth, wide, 0.3)
@@ -127,7 +127,7 @@ def _press(rng: np.random.Generator) -> Assembly:
 
 
 def _ribs(rng, plate: Manifold, mid, depth, half, seam, unit) -> Manifold:
-    """A plate with grooves across it, along it or both."""
+    """A plate with grooves across it, along it or both ways."""
     kind, deep, w = str(rng.choice(["plain", "bars", "grid"])), 0.9 * unit, 1.3 * unit
     cuts = []
     if kind != "plain":
@@ -158,7 +158,7 @@ def _hinges(rng, at, r, wall, mid, half, seam, legs, unit, single: bool):
 
 
 def _grip(rng, mid, half, z, reach, unit, top) -> Manifold:
-    """A handle on the lid: a tongue or a bar in front, a loop on its top."""
+    """A handle on the lid: a tongue or a bar in front, or a loop on top."""
     kind, w = str(rng.choice(["tongue", "bar", "loop"], p=[0.4, 0.4, 0.2])), 1.5 * unit
     if kind == "tongue":
         outline = rounded(reach + 0.5 * mid, float(rng.uniform(8, 26)) * unit, 4 * unit)
@@ -176,7 +176,7 @@ def _grip(rng, mid, half, z, reach, unit, top) -> Manifold:
 
 
 def _stand(rng, asm: Assembly, at, seam, mid, half, legs, unit, trim: Material):
-    """A foot with a post behind, in which the iron turns over about x; its spindle."""
+    """Add a foot with a post behind, in which the iron turns over about x; returns its spindle."""
     z, r, x = seam - 2.5 * unit, 2 * unit, at[0] + 5 * unit
     foot = extrusion(
         rounded(1.2 * (x + 4 * unit), 1.3 * half, 6 * unit), "z", [mid + 4 * unit, 0, 0], 3 * unit
@@ -192,7 +192,7 @@ def _stand(rng, asm: Assembly, at, seam, mid, half, legs, unit, trim: Material):
 
 
 def _tray(rng, body, wide, depth, legs, low, unit, trim: Material):
-    """A knob in front, or a drip tray that draws out there."""
+    """Add a knob in front, or a drip tray that slides out there."""
     solid, tone = body
     solid = solid + box([0, -0.34 * wide, legs], [0.4 * depth, 0.34 * wide, legs + low - 2 * unit])
     if rng.random() < 0.6 or low < 9 * unit:

@@ -1,5 +1,5 @@
-"""Dispensers: of soap on walls and tables, of water with taps, of cereals, sweets, napkins, paper
-and tape, and trigger sprays."""
+"""Cereal and napkin dispensers. The family's dispensers of soap, water, paper and tape are in
+``soap_dispensers``, ``water_dispensers`` and ``roll_dispensers``."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ from uniart_jax.procedural.shapes import Assembly, Shape, box, hinge, slide, tid
 
 
 def build(rng: np.random.Generator) -> ArticulatedObject:
-    """A dispenser, metres, closed."""
+    """A dispenser in metres, closed."""
     kinds = (wall_soap, pump, spray, water, _cereal, roll, _napkins, tape)
     chosen = int(rng.choice(8, p=[0.16, 0.14, 0.11, 0.19, 0.13, 0.1, 0.07, 0.1]))
     return kinds[chosen](rng)
 
 
 def _cereal(rng: np.random.Generator) -> ArticulatedObject:
-    """Clear hoppers on a stand, each with a knob that turns its wheel, a lid, sometimes a flap; one
-    ball of sweets."""
+    """Clear hoppers on a stand, each with a knob that turns its wheel, a lid and at times a flap;
+    or a round sweet dispenser."""
     count = int(rng.choice([1, 2, 3], p=[0.5, 0.35, 0.15]))
     sweets = count == 1 and rng.random() < 0.4
     height = float(rng.uniform(0.18, 0.3))
@@ -101,7 +101,7 @@ def _cereal(rng: np.random.Generator) -> ArticulatedObject:
 
 
 def _napkins(rng: np.random.Generator) -> ArticulatedObject:
-    """A box of napkins or gloves with a flap in front and a lid above."""
+    """A box of napkins or gloves with a flap in front and a lid on top."""
     half, depth = float(rng.uniform(0.05, 0.12)), float(rng.uniform(0.08, 0.2))
     height = float(rng.uniform(0.08, 0.24))
     unit = max(2 * half, depth, height) / 100

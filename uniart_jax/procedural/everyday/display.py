@@ -1,5 +1,5 @@
 """Monitors and televisions: screens that tilt, swivel, rise and pivot on stands, trolleys and arms;
-old sets with knobs, aerials and handles."""
+old television sets with knobs, aerials and handles."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ from uniart_jax.procedural.shapes import (
 
 
 def build(rng: np.random.Generator) -> ArticulatedObject:
-    """A display, metres; joints that turn both ways are shown at one of their ends."""
+    """A display in metres. A joint that turns both ways rests at one of its limits."""
     kind = rng.choice(3, p=[0.52, 0.24, 0.24])
     obj = (_on_stand, _on_arm, _old_set)[kind](rng).object()
     ends = np.zeros(len(obj.parts))
@@ -69,8 +69,8 @@ def _picture(rng: np.random.Generator) -> Material:
 
 
 def _screen(rng, at, wide: float, tall: float, unit: float, case) -> tuple[Shape, list[Link]]:
-    """A frame round a picture, a hump behind it, the middle of its rear at ``at``; and the keys in
-    a chin below the picture."""
+    """A frame around a picture with a hump behind it; the middle of its rear is at ``at``. Also the
+    keys in a chin below the picture."""
     thick = float(rng.uniform(1.5, 6)) * unit
     hump = float(rng.uniform(1, 6)) * unit if rng.random() < 0.6 else 0.0
     rim = float(rng.choice([0.8, 1.5, 3.0, 5.0])) * unit
@@ -114,7 +114,7 @@ def _screen(rng, at, wide: float, tall: float, unit: float, case) -> tuple[Shape
 
 
 def _joined(links: list[Link], keys: list[Link]) -> Assembly:
-    """A chain of parts, the keys on the last."""
+    """A chain of parts, with the keys on the last one."""
     asm, parent = Assembly(), -1
     for name, shape, joint in links:
         parent = asm.add(name, _tidied(shape), parent, joint)
@@ -124,18 +124,20 @@ def _joined(links: list[Link], keys: list[Link]) -> Assembly:
 
 
 def _tidied(shape: Shape) -> Shape:
-    """A shape whose solids overlap no more: what came first stays whole."""
+    """A shape whose solids no longer overlap; the later ones are cut."""
     return layered((union(solids), material) for material, solids in shape._solids.items())
 
 
 def _measures(rng, least: float, most: float) -> tuple[float, float]:
-    """Width and height: wide, cinema, office and old square formats."""
+    """Width and height of a picture between ``least`` and ``most``: wide, cinema, office or old
+    square formats."""
     wide = float(rng.uniform(least, most))
     return wide, wide / float(rng.choice([16 / 9, 21 / 9, 1.6, 4 / 3, 5 / 4])) + 0.03 * wide
 
 
 def _on_stand(rng: np.random.Generator) -> Assembly:
-    """On a foot or a trolley: a column that may swivel and rise, a head that tilts and pivots."""
+    """A screen on a foot or a trolley, whose column may swivel and rise and whose head tilts and
+    pivots."""
     cart = rng.random() < 0.18
     wide, tall = _measures(rng, *((0.8, 1.4) if cart else (0.35, 0.9)))
     unit, air = wide / 100, 0.3 * wide / 100
@@ -193,7 +195,8 @@ def _on_stand(rng: np.random.Generator) -> Assembly:
 
 
 def _on_arm(rng: np.random.Generator) -> Assembly:
-    """On one or two arms that turn about the vertical, from a wall plate, a foot or a clamp."""
+    """A screen on one or two arms that turn about the vertical, from a wall plate, a foot or a
+    clamp."""
     wide, tall = _measures(rng, 0.45, 0.8)
     unit, air = wide / 100, 0.3 * wide / 100
     case, metal = _case(rng), _case(rng)
@@ -254,7 +257,8 @@ def _on_arm(rng: np.random.Generator) -> Assembly:
 
 
 def _old_set(rng: np.random.Generator) -> Assembly:
-    """A deep set with a bulging picture, knobs and keys; an aerial, a handle; legs or a foot."""
+    """A deep set with a bulging picture, knobs and keys, an aerial, a handle, and legs or a
+    foot."""
     wide = float(rng.uniform(0.3, 0.7))
     tall, deep = wide * float(rng.uniform(0.68, 0.95)), wide * float(rng.uniform(0.5, 0.95))
     unit, air = wide / 100, 0.3 * wide / 100

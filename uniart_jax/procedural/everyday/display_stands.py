@@ -1,4 +1,5 @@
-"""What carries a display: feet, trolleys, clamps, bars of arms, and heads that tilt and pivot."""
+"""Stands of displays: feet, trolleys, clamps, arms, and heads that tilt and pivot. Lengths are in
+metres; ``unit`` is a hundredth of the object's size."""
 
 from __future__ import annotations
 
@@ -28,13 +29,14 @@ Link = tuple[str, Shape, Joint | None]
 
 
 def both_ways(rng, at, axis, back: float, ahead: float) -> Joint:
-    """A hinge from ``-back`` to ``ahead`` degrees, or from 0."""
+    """A revolute joint through ``at`` (metres) that turns from ``-back``, or from 0, to ``ahead``
+    degrees."""
     low = -back if rng.random() < 0.6 else 0.0
     return Joint(np.asarray(at, float), np.asarray(axis, float), tuple(np.deg2rad([low, ahead])))
 
 
 def swivel(rng, at) -> Joint:
-    """About the vertical: without end, or to both sides."""
+    """A joint about the vertical through ``at`` (metres): continuous, or limited to both sides."""
     side = float(rng.uniform(20, 70))
     return turn(at, UP) if rng.random() < 0.25 else both_ways(rng, at, UP, side, side)
 
@@ -51,7 +53,8 @@ def _fork(at, r: float, half: float, wall: float, low: float, air: float) -> Man
 
 
 def add_head(rng, links, hinge_at, screen: Shape, unit, sizes, moves, metal: Material) -> None:
-    """A screen in front of a fork: ``links`` gets what tilts, and what pivots on it."""
+    """Mount a screen in front of a fork (metres): appends to ``links`` what tilts and what pivots
+    on it."""
     (r, half, wall, low), x = sizes, hinge_at[0]
     air, plate = 0.3 * unit, 1.2 * unit
     q = float(rng.uniform(3.5, 6)) * unit
@@ -77,7 +80,7 @@ def add_head(rng, links, hinge_at, screen: Shape, unit, sizes, moves, metal: Mat
 
 
 def add_foot(rng, base: Shape, x: float, wide: float, high: float, unit: float, metal) -> None:
-    """A disc, a plate, a frame, splayed legs or a wooden board under the column."""
+    """Add a disc, a plate, a frame, splayed legs or a wooden board under the column (metres)."""
     long, deep = wide * float(rng.uniform(0.14, 0.3)), wide * float(rng.uniform(0.12, 0.2))
     finish = metal if rng.random() < 0.75 else materials.wood(rng)
     kind = rng.choice(4, p=[0.3, 0.35, 0.15, 0.2])
@@ -102,7 +105,7 @@ def add_foot(rng, base: Shape, x: float, wide: float, high: float, unit: float, 
 
 
 def add_trolley(rng, base: Shape, x: float, wide: float, high: float, unit: float, metal) -> list:
-    """Rails with four wheels under them; the wheels."""
+    """Add a trolley's rails (metres) to ``base``; returns its four wheels: (shape, joint)."""
     long, deep = wide * float(rng.uniform(0.28, 0.42)), wide * float(rng.uniform(0.22, 0.34))
     r, w = 2.6 * unit, 1.5 * unit
     solids, wheels = [box([x - 3 * unit, -long, high - 3 * unit], [x + 3 * unit, long, high])], []
@@ -119,14 +122,15 @@ def add_trolley(rng, base: Shape, x: float, wide: float, high: float, unit: floa
 
 
 def flat_bar(a, b, r: float, z: float, thick: float) -> Manifold:
-    """A flat bar ``2 r`` wide from a to b (x, y)."""
+    """A flat bar ``2 r`` wide from a to b (x, y), ``thick`` metres thick."""
     way = (b - a) / np.linalg.norm(b - a)
     side = r * np.array([-way[1], way[0]])
     return extrusion(np.array([a - side, b - side, b + side, a + side]), "z", [0, 0, z], thick)
 
 
 def add_clamp(rng, root: Shape, post, wide: float, unit: float, metal: Material) -> list[Link]:
-    """A foot plate under the post; or a clamp for a table's edge with its screw."""
+    """Add a foot plate under the post (metres); or a clamp for a table's edge, whose screw is
+    returned."""
     x, y = post
     size = float(rng.uniform(6, 9)) * unit
     if rng.random() < 0.4:

@@ -1,5 +1,4 @@
-"""Eyeglasses open or folded, with shades that flip up; lorgnettes, face shields, magnifying glasses
-that swing out of a case, headphones."""
+"""Eyeglasses, lorgnettes, face shields, folding magnifying glasses and headphones."""
 
 from __future__ import annotations
 
@@ -27,7 +26,7 @@ from uniart_jax.procedural.shapes import (
 
 
 def build(rng: np.random.Generator) -> ArticulatedObject:
-    """Something worn before the eyes or on the ears, metres; it looks towards -x."""
+    """Something worn in front of the eyes or on the ears, in metres; it looks towards -x."""
     makers = (_glasses, _lorgnette, _shield, _magnifier, _headphones)
     return makers[rng.choice(5, p=[0.48, 0.07, 0.12, 0.1, 0.23])](rng)
 
@@ -50,8 +49,8 @@ def _lens_tone(rng: np.random.Generator) -> Material:
 
 
 def _lens_outline(rng: np.random.Generator, wide: float) -> np.ndarray:
-    """An outline [40, 2] of (y, z) of one lens: round, square, drop or cat's eye; its outer side at
-    +y."""
+    """The outline [40, 2] of (y, z) of one lens: round, square, drop or cat's eye. Its outer side
+    is at +y."""
     angle = np.linspace(0, 2 * np.pi, 40, endpoint=False)
     c, s = np.cos(angle), np.sin(angle)
     kind = str(rng.choice(["round", "square", "drop", "cat"], p=[0.25, 0.4, 0.2, 0.15]))
@@ -73,8 +72,8 @@ def _grown(outline: np.ndarray, by: float) -> np.ndarray:
 
 
 def _pair(rng, shape: Shape, wide: float, gap: float, rim: float, thick: float, glass):
-    """Two lenses in rims with a bridge, from x = -``thick`` to 0; adds the lenses and
-    returns their outline, the rims, and where no frame may be."""
+    """Add two lenses from x = -``thick`` to 0. Returns a lens's outline, the rims with their
+    bridge, and the solid that the frame must leave free."""
     outline = _lens_outline(rng, wide)
     ring, middle = _grown(outline, rim), (wide + gap) / 2
     solids, panes = [], []
@@ -100,7 +99,8 @@ def _pair(rng, shape: Shape, wide: float, gap: float, rim: float, thick: float, 
 
 
 def _glasses(rng: np.random.Generator) -> ArticulatedObject:
-    """Two temples on a frame, straight out or folded; or a visor in one piece."""
+    """Glasses or goggles with two temples, straight out or folded; some have shades that flip
+    up."""
     width = float(rng.uniform(0.125, 0.155))
     unit, air = width / 100, width / 250
     tone, glass = _frame_tone(rng), _lens_tone(rng)
@@ -207,7 +207,7 @@ def _lorgnette(rng: np.random.Generator) -> ArticulatedObject:
 
 
 def _shield(rng: np.random.Generator) -> ArticulatedObject:
-    """A band round the head and a visor or mask that swings up about its ends."""
+    """A band around the head and a visor or mask that swings up about its ends."""
     r = float(rng.uniform(0.085, 0.1))
     unit, tone = r / 50, _frame_tone(rng)
     w, t, air = float(rng.uniform(5, 10)) * unit, 2.2 * unit, 0.6 * unit
@@ -313,7 +313,7 @@ def _magnifier(rng: np.random.Generator) -> ArticulatedObject:
 
 
 def _headphones(rng: np.random.Generator) -> ArticulatedObject:
-    """A band over the head, arms that slide out of it, cups that turn on the arms, a microphone."""
+    """A band over the head with arms that slide out, cups that turn on them, and a microphone."""
     r = float(rng.uniform(0.07, 0.085))
     unit, tone, air = r / 50, _frame_tone(rng), r / 120
     pad = materials.dark(rng) if rng.random() < 0.7 else _frame_tone(rng)

@@ -1,4 +1,5 @@
-"""Furniture that folds: chairs, loungers and theatre seats; tables, ladders and racks besides."""
+"""Folding chairs, loungers and theatre seats. The family's tables and ladders are in
+``folding_tables`` and ``folding_ladders``."""
 
 from __future__ import annotations
 
@@ -18,6 +19,7 @@ from uniart_jax.procedural.everyday.folding_frames import (
     trimmed,
 )
 from uniart_jax.procedural.shapes import (
+    PartSpec,
     about_z,
     assembled,
     box,
@@ -33,7 +35,7 @@ from uniart_jax.procedural.shapes import (
 
 
 def build(rng: np.random.Generator) -> ArticulatedObject:
-    """A piece of folding furniture, metres, as it stands in use; turned about z on some."""
+    """A piece of folding furniture in metres, as it stands in use; at times turned about z."""
     kinds = (
         _chair,
         folding_tables.crossed,
@@ -49,8 +51,8 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     return assembled(make(rng), about_z(np.deg2rad(yaw)))
 
 
-def _chair(rng: np.random.Generator) -> list[tuple]:
-    """Front legs and back in one frame, rear legs about a bolt, a seat that tips up."""
+def _chair(rng: np.random.Generator) -> list[PartSpec]:
+    """A chair: front legs and back in one frame, rear legs about a bolt, a seat that tips up."""
     tone, square = frame_finish(rng)
     cover = cover_finish(rng, tone)
     tall = float(rng.choice([1.0, rng.uniform(1.3, 1.6)], p=[0.85, 0.15]))  # bar chairs
@@ -85,7 +87,7 @@ def _chair(rng: np.random.Generator) -> list[tuple]:
             ends = [knee + [slope * z, z] for z in (low + 0.02, back - 0.02)]
             rests.append(bar(ends, y, 0.4 * r, True))
     main = trimmed((frame, tone), (union(rests), cover if kind == "panel" else tone))
-    parts = [("frame", main, -1, None)]
+    parts: list[PartSpec] = [("frame", main, -1, None)]
     share = float(rng.uniform(0.75, 0.93))
     bolt = foot + share * (knee - foot)
     heel = np.array([bolt[0] + bolt[1] * float(rng.uniform(0.35, 0.6)), r])
@@ -117,8 +119,8 @@ def _chair(rng: np.random.Generator) -> list[tuple]:
     return parts
 
 
-def _lounger(rng: np.random.Generator) -> list[tuple]:
-    """A long chair: a back that rises from flat, a knee part, wheels under the head."""
+def _lounger(rng: np.random.Generator) -> list[PartSpec]:
+    """A lounger: a back that rises from flat, a knee rest, and wheels under the head."""
     tone, square = frame_finish(rng)
     cover = cover_finish(rng, tone)
     long, half = float(rng.uniform(1.6, 2.0)), float(rng.uniform(0.27, 0.36))
@@ -139,7 +141,7 @@ def _lounger(rng: np.random.Generator) -> list[tuple]:
     knees = rng.random() < 0.6
     seat = panel(rng, (a if knees else 0.0) + AIR, b - AIR, inner, low - AIR, thick, slats)
     frame = union([rails, *legs])
-    parts = [("base", trimmed((frame, tone), (seat, cover)), -1, None)]
+    parts: list[PartSpec] = [("base", trimmed((frame, tone), (seat, cover)), -1, None)]
     back = panel(rng, b + thick, long, inner, low, thick, slats)
     up = float(np.deg2rad(rng.uniform(50, 80)))
     parts.append(("back", trimmed((back, cover)), 0, hinge((b + thick, 0, low), (0, -1, 0), up)))
@@ -155,8 +157,8 @@ def _lounger(rng: np.random.Generator) -> list[tuple]:
     return parts
 
 
-def _theatre(rng: np.random.Generator) -> list[tuple]:
-    """Seats in a row between arms, or one on a wall plate, tipped up until someone sits down."""
+def _theatre(rng: np.random.Generator) -> list[PartSpec]:
+    """Seats in a row between arms, or one on a wall plate. Each is tipped up at rest."""
     wall = rng.random() < 0.3
     count = 1 if wall else int(rng.choice([1, 2, 3, 4], p=[0.3, 0.35, 0.2, 0.15]))
     tone, _ = frame_finish(rng)
@@ -206,5 +208,5 @@ def _theatre(rng: np.random.Generator) -> list[tuple]:
             (solid, hinge((-thick / 2, 0, high), (0, -1, 0), np.deg2rad(rng.uniform(78, 90))))
         )
     pieces = [(union(solids), tone)] + ([(union(backs), cover)] if backs else [])
-    parts = [("stand", trimmed(*pieces), -1, None)]
+    parts: list[PartSpec] = [("stand", trimmed(*pieces), -1, None)]
     return parts + [("seat", trimmed((solid, cover)), 0, joint) for solid, joint in seats]

@@ -1,4 +1,5 @@
-"""Frames of round or square bars, slabs and finishes of folding furniture."""
+"""Frames of round or square bars, slabs and finishes of folding furniture. Lengths are in
+metres."""
 
 from __future__ import annotations
 
@@ -26,7 +27,8 @@ AIR = 0.004  # metres between parts that move
 
 
 def frame_finish(rng: np.random.Generator) -> tuple[Material, bool]:
-    """Of a frame, and whether its bars are square: wood, bare or enamelled metal, plastic."""
+    """Draw the finish of a frame and whether its bars are square: wood, bare or painted metal,
+    plastic."""
     if rng.random() < 0.4:
         return materials.wood(rng), True
     kind = rng.integers(4)
@@ -36,15 +38,16 @@ def frame_finish(rng: np.random.Generator) -> tuple[Material, bool]:
 
 
 def cover_finish(rng: np.random.Generator, frame: Material) -> Material:
-    """Of a seat or a top: as the frame, wood, cloth or plastic of any colour."""
+    """Draw the finish of a seat or a top: that of the frame, wood, cloth or plastic."""
     kind = rng.choice(4, p=[0.2, 0.25, 0.4, 0.15])
     if kind == 2:
         return plain(materials.hsv(rng, (0, 1), (0.2, 0.9), (0.25, 0.95)))
-    return (frame, materials.wood(rng, grain="y"), None, materials.white_plastic(rng))[kind]
+    board, plastic = materials.wood(rng, grain="y"), materials.white_plastic(rng)
+    return {0: frame, 1: board, 3: plastic}[int(kind)]
 
 
 def bar(points, y: float, r: float, square: bool) -> Manifold:
-    """A bar along points (x, z) in the plane y, round or square."""
+    """A bar of radius ``r`` (metres) along points (x, z) in the plane y, round or square."""
     points = np.asarray(points, dtype=np.float64)
     if not square:
         return pipe(np.column_stack([points[:, 0], np.full(len(points), y), points[:, 1]]), r, 10)
@@ -58,7 +61,8 @@ def bar(points, y: float, r: float, square: bool) -> Manifold:
 
 
 def _rung(at, half: float, r: float, square: bool) -> Manifold:
-    """A bar across, through (x, z); a little off it, so that no two vertices of a joint meet."""
+    """A bar along y through (x, z). It is a little off that point, so that no two vertices of a
+    joint meet."""
     x, z = np.asarray(at) + [0.017 * r, 0.031 * r]
     half -= 0.4 * r
     if square:
@@ -67,13 +71,14 @@ def _rung(at, half: float, r: float, square: bool) -> Manifold:
 
 
 def bar_frame(points, half: float, r: float, square: bool, rungs=()) -> Manifold:
-    """Two bars at y = +-``half`` and rungs between them through points (x, z)."""
+    """Two bars at y = +-``half`` (metres) and rungs between them through points (x, z)."""
     bars = [bar(points, s * half, r, square) for s in (-1, 1)]
     return union(bars + [_rung(p, half, 0.75 * r, square) for p in rungs])
 
 
 def panel(rng, x0, x1, half, low, thick, across: bool | None = None) -> Manifold:
-    """A flat slab, plain, rounded or of slats, that lies between two x."""
+    """A flat slab in metres between ``x0`` and ``x1``: plain, rounded, or of slats along y if
+    ``across``."""
     deep = x1 - x0
     slats = rng.random() < 0.35 if across is None else across
     if slats:
@@ -92,11 +97,12 @@ def panel(rng, x0, x1, half, low, thick, across: bool | None = None) -> Manifold
 
 
 def angle_between(a, b) -> float:
-    """Between two directions (x, z)."""
+    """The angle in radians between two directions (x, z)."""
     a, b = np.asarray(a), np.asarray(b)
     return float(np.arccos(np.clip(a @ b / np.linalg.norm(a) / np.linalg.norm(b), -1, 1)))
 
 
 def trimmed(*pieces: tuple[Manifold, Material]) -> Shape:
-    """Solids that do not overlap, one a material, tidied to 0.1 mm; later ones give way."""
+    """A shape of solids, one per material, tidied to 0.1 mm. Where they overlap, the later one is
+    cut."""
     return shape_of(disjoint(pieces, tidied=1e-4))

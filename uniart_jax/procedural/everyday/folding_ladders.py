@@ -1,4 +1,4 @@
-"""Step ladders and drying racks."""
+"""Step ladders and drying racks, in metres."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from uniart_jax.procedural.everyday.folding_frames import (
     trimmed,
 )
 from uniart_jax.procedural.shapes import (
+    PartSpec,
     box,
     cylinder,
     hinge,
@@ -22,8 +23,9 @@ from uniart_jax.procedural.shapes import (
 )
 
 
-def ladder(rng: np.random.Generator) -> list[tuple]:
-    """A step ladder: treads in a frame, a rear frame about the top, a platform that tips up."""
+def ladder(rng: np.random.Generator) -> list[PartSpec]:
+    """The parts of a step ladder (metres): treads in a frame, a rear frame hinged at the top, a
+    platform that tips up."""
     tone, square = frame_finish(rng)
     high = float(rng.uniform(0.45, 1.7))
     r, half = float(rng.uniform(0.013, 0.024)), float(rng.uniform(0.17, 0.27))
@@ -39,7 +41,7 @@ def ladder(rng: np.random.Generator) -> list[tuple]:
         x = z * lean
         steps.append(box([x - 0.65 * tread, -half, z], [x + 0.35 * tread, half, z + thick]))
     cover = cover_finish(rng, tone)
-    parts = [("frame", trimmed((rails, tone), (union(steps), cover)), -1, None)]
+    parts: list[PartSpec] = [("frame", trimmed((rails, tone), (union(steps), cover)), -1, None)]
     side = np.array([np.cos(np.arctan(lean)), -np.sin(np.arctan(lean))])
     bolt = np.array([high * lean, high - 2.5 * r]) + side * (2.1 * r + AIR)
     heel = np.array([bolt[0] + bolt[1] * float(rng.uniform(0.25, 0.5)), r])
@@ -66,8 +68,9 @@ def ladder(rng: np.random.Generator) -> list[tuple]:
     return parts
 
 
-def rack(rng: np.random.Generator) -> list[tuple]:
-    """A drying rack: rods in a frame on crossed legs and two wings that swing up."""
+def rack(rng: np.random.Generator) -> list[PartSpec]:
+    """The parts of a drying rack (metres): rods in a frame on crossed legs, and two wings that
+    swing up."""
     tone, _ = frame_finish(rng)
     rods = tone if rng.random() < 0.5 else materials.white_plastic(rng)
     high, deep = float(rng.uniform(0.75, 1.05)), float(rng.uniform(0.45, 0.7))
@@ -89,7 +92,7 @@ def rack(rng: np.random.Generator) -> list[tuple]:
         cylinder("y", [q, -half, high], 2 * half, 0.55 * r, segments=9)
         for q in np.linspace(-x, x, int(rng.integers(5, 9)))[1:-1]
     ]
-    parts = [("stand", trimmed((body, tone), (union(lines), rods)), -1, None)]
+    parts: list[PartSpec] = [("stand", trimmed((body, tone), (union(lines), rods)), -1, None)]
     long, count = float(rng.uniform(0.4, 0.7)) * high, int(rng.integers(3, 6))
     wide = half * float(rng.uniform(0.7, 1.0))
     swing = float(np.deg2rad(rng.uniform(85, 125)))

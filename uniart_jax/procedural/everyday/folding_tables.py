@@ -1,4 +1,4 @@
-"""Trays, stools and ironing boards on crossed legs; folding tables and benches."""
+"""Trays, stools and ironing boards on crossed legs; folding tables and benches, in metres."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from uniart_jax.procedural.everyday.folding_frames import (
     trimmed,
 )
 from uniart_jax.procedural.shapes import (
+    PartSpec,
     box,
     cylinder,
     extrusion,
@@ -25,9 +26,9 @@ from uniart_jax.procedural.shapes import (
 )
 
 
-def crossed(rng: np.random.Generator) -> list[tuple]:
-    """Two frames that cross at a bolt and a top hinged to one of them: trays, stools, ironing
-    boards."""
+def crossed(rng: np.random.Generator) -> list[PartSpec]:
+    """The parts of a tray, stool or ironing board (metres): two frames that cross at a bolt, and a
+    top hinged to one."""
     kind = rng.choice(["tray", "stool", "board"], p=[0.4, 0.25, 0.35])
     tone, square = frame_finish(rng)
     cover = cover_finish(rng, tone)
@@ -56,7 +57,9 @@ def crossed(rng: np.random.Generator) -> list[tuple]:
         for s in (-1, 1)
     ]
     bolts = [b - box([-9, -half + r, -9], [9, half - r, 9]) for b in bolts]
-    parts = [("frame", trimmed((first, tone), (union(bolts), materials.hardware(rng))), -1, None)]
+    parts: list[PartSpec] = [
+        ("frame", trimmed((first, tone), (union(bolts), materials.hardware(rng))), -1, None)
+    ]
     other = way * [-1, 1]
     second = bar_frame(
         [middle - other, middle + other],
@@ -115,9 +118,9 @@ def crossed(rng: np.random.Generator) -> list[tuple]:
     return parts
 
 
-def table(rng: np.random.Generator) -> list[tuple]:
-    """A long top, a pair of legs at each end that folds under it, leaves that hang at its edges;
-    benches too."""
+def table(rng: np.random.Generator) -> list[PartSpec]:
+    """The parts of a folding table or bench (metres): a long top, legs at each end that fold under
+    it, and drop leaves."""
     bench = rng.random() < 0.25
     tone, square = frame_finish(rng)
     cover = cover_finish(rng, tone)
@@ -153,7 +156,9 @@ def table(rng: np.random.Generator) -> list[tuple]:
         legs.append((union(posts + bars), hinge((0, y, z), (-s, 0, 0), np.pi / 2 * 0.97)))
         for x in (-half - 2 * r - AIR, half + r + AIR):  # lugs beside the posts
             blocks.append(box([x, y - r, z - r], [x + r, y + r, low]))
-    parts = [("top", trimmed((top, cover), (union(blocks), materials.hardware(rng))), -1, None)]
+    parts: list[PartSpec] = [
+        ("top", trimmed((top, cover), (union(blocks), materials.hardware(rng))), -1, None)
+    ]
     parts += [("legs", trimmed((solid, tone)), 0, joint) for solid, joint in legs]
     wide = float(rng.uniform(0.3, 0.8)) * deep
     wide = min(wide, 0.75 * high)

@@ -1,4 +1,5 @@
-"""Things that turn in a stand; here globes on a tilted axis, globe bars and gimbals."""
+"""Globes, globe bars and gimbals. The family's mirrors, tripods and display racks are in
+``turning_frames``, ``tripod_devices`` and ``spinning_racks``."""
 
 from __future__ import annotations
 
@@ -34,13 +35,13 @@ from uniart_jax.procedural.shapes import (
 
 
 def build(rng: np.random.Generator) -> ArticulatedObject:
-    """Something that turns in a stand, metres, at rest."""
+    """Something that turns in a stand, in metres, at rest."""
     kinds = (_globe, _globe_bar, framed, _gimbal, tripod, spinning_rack)
     return kinds[rng.choice(6, p=[0.3, 0.06, 0.22, 0.08, 0.18, 0.16])](rng)
 
 
 def _draw_map(rng: np.random.Generator, radius: float) -> Material:
-    """Land and sea, a moon, or a plain ball."""
+    """Draw the finish of a ball: land and sea, a moon, or plain."""
     if rng.random() < 0.12:
         return plain(rng.uniform(0.2, 0.9, 3))
     field = materials.noise(rng, 6, 6) + 0.4 * materials.noise(rng, 14, 14)
@@ -60,7 +61,7 @@ def _draw_map(rng: np.random.Generator, radius: float) -> Material:
 
 
 def _globe(rng: np.random.Generator) -> ArticulatedObject:
-    """A ball in an arc on a foot, or in rings on legs; the arc itself turns at times."""
+    """A globe in an arc on a foot, or in rings on legs. The arc itself turns at times."""
     radius = float(rng.uniform(0.08, 0.2))
     unit = radius / 30
     tilt = float(rng.uniform(0.25, 0.6)) if rng.random() < 0.8 else 0.0
@@ -134,7 +135,7 @@ def _globe(rng: np.random.Generator) -> ArticulatedObject:
 
 
 def _globe_bar(rng: np.random.Generator) -> ArticulatedObject:
-    """A globe whose upper half opens at a hinge behind, on legs."""
+    """A globe on legs whose upper half opens about a hinge at the rear."""
     radius = float(rng.uniform(0.2, 0.3))
     unit = radius / 40
     rim = radius * float(rng.uniform(1.6, 2.6))
@@ -166,7 +167,7 @@ def _globe_bar(rng: np.random.Generator) -> ArticulatedObject:
 
 
 def _gimbal(rng: np.random.Generator) -> ArticulatedObject:
-    """Rings that turn within one another, a ball, a disc or a compass within, on a foot."""
+    """Rings on a foot that turn within one another, with a ball, a disc or a compass inside."""
     radius = float(rng.uniform(0.08, 0.22))
     unit = radius / 45
     band, wide = float(rng.uniform(2.5, 4.5)) * unit, float(rng.uniform(3, 8)) * unit

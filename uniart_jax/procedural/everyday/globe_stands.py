@@ -1,4 +1,5 @@
-"""Stands of globes, mirrors and racks: finishes, feet, rings, legs."""
+"""Stands of globes, mirrors and racks: finishes, feet, rings and legs. Lengths are in metres;
+``unit`` is a hundredth of the object's size."""
 
 from __future__ import annotations
 
@@ -21,7 +22,7 @@ from uniart_jax.procedural.shapes import (
 
 
 def draw_finish(rng: np.random.Generator) -> Material:
-    """Of stands: wood, metal, brass, plastic."""
+    """Draw the finish of a stand: wood, metal, brass or plastic."""
     kind = rng.choice(3, p=[0.35, 0.4, 0.25])
     if kind == 0:
         return materials.wood(rng)
@@ -29,7 +30,8 @@ def draw_finish(rng: np.random.Generator) -> Material:
 
 
 def flat_ring(outer: float, inner: float, wide: float, start=0.0, end=2 * np.pi) -> Manifold:
-    """A flat ring or arc about 0 in the plane (y, z), ``wide`` along x; angles from +z to +y."""
+    """A flat ring or arc about 0 in the plane (y, z), ``wide`` metres along x. The angles ``start``
+    and ``end`` are in radians from +z towards +y."""
     if end - start > 6.28:
         return tube("x", [-wide / 2, 0, 0], wide, outer, inner, 48)
     t = np.linspace(start, end, 30)
@@ -38,9 +40,10 @@ def flat_ring(outer: float, inner: float, wide: float, start=0.0, end=2 * np.pi)
 
 
 def draw_foot(rng, size: float, high: float, top: float, thick: float) -> Manifold:
-    """A foot about the z axis and its post, which ends at ``top``.
+    """A foot about the z axis and its post, which ends at z = ``top``.
 
-    ``size``: the foot's radius. ``high``: its height. ``thick``: the post's radius.
+    ``size``: the foot's radius. ``high``: its height. ``thick``: the post's radius. All are in
+    metres.
     """
     kind = str(
         rng.choice(
@@ -77,7 +80,8 @@ def draw_foot(rng, size: float, high: float, top: float, thick: float) -> Manifo
 
 
 def add_horizon(rng, stand: Shape, center, outer, wide, unit, finish: Material) -> None:
-    """A level ring round a globe, on legs whose bars carry a post under the upright ring."""
+    """Add a horizontal ring around a globe (metres), on legs whose bars carry a post under the
+    meridian ring."""
     wall = float(rng.uniform(5, 10)) * unit
     r = float(rng.uniform(1.3, 2.4)) * unit
     z = center[2]
@@ -91,8 +95,9 @@ def add_horizon(rng, stand: Shape, center, outer, wide, unit, finish: Material) 
 
 
 def legs_around(count, turned, far, spread, high, r, low) -> list[Manifold]:
-    """Legs of radius ``r`` from ``high`` to the ground, ``far`` from the z axis, on the ground
-    ``spread`` times as far; each has a bar to the axis at the height ``low``."""
+    """Legs of radius ``r`` (metres) that begin at the height ``high``, ``far`` from the z axis, and
+    meet the ground ``spread`` times as far out. Each has a bar to the axis at the height
+    ``low``."""
     bars = []
     for k in range(count):
         a = turned + 2 * np.pi * k / count

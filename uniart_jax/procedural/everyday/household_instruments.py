@@ -1,4 +1,4 @@
-"""Kitchen scales, gauges, metronomes, timers and weather houses: parts in metres, at rest."""
+"""Kitchen scales, gauges, metronomes, timers and weather houses, as parts in metres at rest."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from uniart_jax.procedural import materials
 from uniart_jax.procedural.everyday import clock_dials
 from uniart_jax.procedural.materials import plain
 from uniart_jax.procedural.shapes import (
+    PartSpec,
     Shape,
     ball,
     box,
@@ -26,8 +27,9 @@ from uniart_jax.procedural.shapes import (
 )
 
 
-def scale(rng: np.random.Generator) -> list[tuple]:
-    """Kitchen and shop scales: a needle on a dial, a plate or bowl that sinks, a knob."""
+def scale(rng: np.random.Generator) -> list[PartSpec]:
+    """The parts of kitchen or shop scales (metres): a needle on a dial, a plate or bowl that sinks,
+    a knob."""
     radius = float(rng.uniform(0.06, 0.12))
     wide, depth = 2.6 * radius * float(rng.uniform(1, 1.3)), radius * float(rng.uniform(1.1, 2))
     high, tone, metal = 2.7 * radius, clock_dials.finish(rng), materials.metal(rng, brushed=False)
@@ -53,7 +55,10 @@ def scale(rng: np.random.Generator) -> list[tuple]:
             )
         )
     sweep = float(rng.uniform(4.2, 5.6))
-    parts = [("body", Shape(), -1, None), clock_dials.needle(rng, front, 0, z, radius, ink, sweep)]
+    parts: list[PartSpec] = [
+        ("body", Shape(), -1, None),
+        clock_dials.needle(rng, front, 0, z, radius, ink, sweep),
+    ]
     lift, r = radius * float(rng.uniform(0.25, 0.45)), radius * float(rng.uniform(0.2, 0.4))
     body -= cylinder("z", [depth / 2, 0, high - 1.6 * lift], 1, r + 0.02 * radius, segments=20)
     stem = cylinder("z", [depth / 2, 0, high - 0.5 * lift], 1.55 * lift, r, segments=18)
@@ -74,8 +79,9 @@ def scale(rng: np.random.Generator) -> list[tuple]:
     return parts
 
 
-def gauge(rng: np.random.Generator) -> list[tuple]:
-    """A pressure gauge or thermometer: a round box on a stem, a needle over its scale."""
+def gauge(rng: np.random.Generator) -> list[PartSpec]:
+    """The parts of a pressure gauge or thermometer (metres): a round box on a stem, a needle over
+    its scale."""
     radius, metal = float(rng.uniform(0.03, 0.08)), materials.hardware(rng)
     depth, outer = radius * float(rng.uniform(0.4, 0.9)), 1.12 * radius
     pieces, front, ink = clock_dials.dial(rng, 0, 0, 0, radius)
@@ -112,8 +118,9 @@ def gauge(rng: np.random.Generator) -> list[tuple]:
     return [("case", body, -1, None), needle]
 
 
-def metronome(rng: np.random.Generator) -> list[tuple]:
-    """A metronome: a rod that swings before a tapered case, a weight that slides on it, a key."""
+def metronome(rng: np.random.Generator) -> list[PartSpec]:
+    """The parts of a metronome (metres): a rod that swings in front of a tapered case, a weight
+    that slides on it, a key."""
     high = float(rng.uniform(0.14, 0.25))
     wide, tone, metal = (
         high * float(rng.uniform(0.5, 0.65)),
@@ -151,7 +158,7 @@ def metronome(rng: np.random.Generator) -> list[tuple]:
         return rotated(solid, (-out, 0, 0), (0, 0, z))
 
     way = np.array([0, -np.sin(np.deg2rad(-out)), np.cos(np.deg2rad(-out))])
-    parts = [
+    parts: list[PartSpec] = [
         (
             "case",
             clock_dials.trimmed(
@@ -192,8 +199,9 @@ def metronome(rng: np.random.Generator) -> list[tuple]:
     return parts
 
 
-def timer(rng: np.random.Generator) -> list[tuple]:
-    """Kitchen timers: an egg, tomato or drum whose upper half turns, or a box with a large dial."""
+def timer(rng: np.random.Generator) -> list[PartSpec]:
+    """The parts of a kitchen timer (metres): an egg, tomato or drum whose upper half turns, or a
+    box with a large dial."""
     size, tone, mark = float(rng.uniform(0.025, 0.05)), clock_dials.finish(rng), materials.dark(rng)
     other = tone if rng.random() < 0.5 else clock_dials.finish(rng)
     sweep = float(rng.uniform(4.6, 6.0))
@@ -217,7 +225,9 @@ def timer(rng: np.random.Generator) -> list[tuple]:
         dot = dot ^ (body.scale((1.02, 1.02, 1)) - body)
         lower = box([-2 * size, -0.06 * size, seam - 0.3 * tall], [0, 0.06 * size, seam])
         lower = lower ^ (body.scale((1.02, 1.02, 1)) - body)
-        parts = [("body", clock_dials.trimmed((low, tone), (lower, mark)), -1, None)]
+        parts: list[PartSpec] = [
+            ("body", clock_dials.trimmed((low, tone), (lower, mark)), -1, None)
+        ]
         joint = hinge((0, 0, seam), (0, 0, 1), sweep)
         parts.append(("dial", clock_dials.trimmed((high, other), (dot, mark)), 0, joint))
         return parts
@@ -241,13 +251,14 @@ def timer(rng: np.random.Generator) -> list[tuple]:
         [front - 2 * reach, 0.06 * size, z + 0.66 * size],
     )
     dial = clock_dials.trimmed((knob + grip, other), (point, plain((0.9, 0.2, 0.15))))
-    parts = [("case", clock_dials.trimmed(*pieces, (case, tone)), -1, None)]
+    parts: list[PartSpec] = [("case", clock_dials.trimmed(*pieces, (case, tone)), -1, None)]
     parts.append(("dial", dial, 0, hinge((0, 0, z), (1, 0, 0), sweep)))
     return parts
 
 
-def weather_house(rng: np.random.Generator) -> list[tuple]:
-    """A little house with two doorways and two figures on a board that turns between them."""
+def weather_house(rng: np.random.Generator) -> list[PartSpec]:
+    """The parts of a weather house (metres): a house with two doorways and two figures on a board
+    that turns."""
     wide = float(rng.uniform(0.12, 0.25))
     high, depth, wall = 0.8 * wide, wide * float(rng.uniform(0.5, 0.7)), 0.05 * wide
     tone, roof, board = clock_dials.finish(rng), clock_dials.finish(rng), 0.06 * wide

@@ -1,5 +1,5 @@
-"""Jars, canisters, tins and sugar pots with a wide lid that screws, lifts or swings open; pepper
-and coffee mills."""
+"""Jars, canisters, tins and sugar pots with a wide lid that screws, lifts or swings open. Pepper
+and coffee mills are in ``mills``."""
 
 from __future__ import annotations
 
@@ -40,19 +40,19 @@ from uniart_jax.procedural.shapes import (
 
 
 def build(rng: np.random.Generator) -> ArticulatedObject:
-    """A jar, metres, closed; its clasp at -x."""
+    """A jar or mill in metres, closed; its clasp at -x."""
     makers = (_screwed, _hinged, _lifted, pepper_mill, coffee_mill)
     return makers[rng.choice(5, p=[0.3, 0.28, 0.2, 0.11, 0.11])](rng)
 
 
 def _filled(rng, rows: Rows, wall: float, glassy: bool, bare: float = 0.0) -> Shape:
-    """A inside_ body with what is in it, its bands of colour and a label, not within ``bare`` of
-    its top."""
+    """A body, clear with its contents inside if ``glassy``, else plain or with a band. A label may
+    be on it, but not within ``bare`` of its top."""
     low, top = rows[0][1], rows[-1][1]
     body, face = Shape(), finish(rng)
     fill = low + (top - low) * float(rng.uniform(0.2, 0.75))
-    inside_ = hollow(rows, wall, fill)
-    whole = cut(stack(rows), [inside_])
+    inside = hollow(rows, wall, fill)
+    whole = cut(stack(rows), [inside])
     if glassy:
         clear = materials.glass(rng) if rng.random() < 0.7 else plain(rng.uniform(0.6, 0.95, 3))
         pulp = plain(materials.hsv(rng, (-0.1, 0.4), (0.3, 0.9), (0.2, 0.9)))
@@ -75,7 +75,7 @@ def _filled(rng, rows: Rows, wall: float, glassy: bool, bare: float = 0.0) -> Sh
 
 
 def _neck(rng, rows: Rows, mouth: np.ndarray, tall: float, rise: float) -> Rows:
-    """A body's outlines drawn in to a mouth, ``rise`` higher, with an upright neck above."""
+    """A body's outlines drawn in to a mouth that is ``rise`` higher, with an upright neck above."""
     r, z = rows[-1]
     steps = np.linspace(0, np.pi / 2, 5)[1:] if rng.random() < 0.6 else [np.pi / 2]
     soft = [(r + (mouth - r) * (1 - np.cos(a)), z + rise * np.sin(a)) for a in steps]
@@ -83,7 +83,7 @@ def _neck(rng, rows: Rows, mouth: np.ndarray, tall: float, rise: float) -> Rows:
 
 
 def _screwed(rng: np.random.Generator) -> ArticulatedObject:
-    """A jar or canister with a round screw lid, now and then with flaps in it."""
+    """A jar or canister with a round screw lid, at times with flaps in it."""
     plan = plan_of(rng, 0.6) * float(rng.uniform(0.03, 0.08))
     size = plan.min()
     high = size * float(rng.uniform(0.8, 4.0))
@@ -148,7 +148,7 @@ def _screwed(rng: np.random.Generator) -> ArticulatedObject:
 
 
 def _barrels(body: Shape, lid: Shape, near: float, edge: float, z: float, unit: float, metal):
-    """The barrels of a hinge behind a lid's rear ``edge``; returns where it turns."""
+    """Add the barrels of a hinge behind a lid's rear ``edge``; returns the pivot."""
     r, w = 1.5 * unit, 5 * unit
     x = edge + r + 0.8 * unit
     lid.add(
@@ -169,7 +169,7 @@ def _barrels(body: Shape, lid: Shape, near: float, edge: float, z: float, unit: 
 
 
 def _hinged(rng: np.random.Generator) -> ArticulatedObject:
-    """A clip-top jar, tin or casket: a lid hinged behind, a wire or a clasp in front."""
+    """A clip-top jar, tin or casket: a lid hinged at the rear, a wire or a clasp in front."""
     jar = rng.random() < 0.5
     plan = plan_of(rng, 0.6 if jar else 0.3) * float(rng.uniform(0.035, 0.09))
     size = plan.min()
@@ -253,7 +253,7 @@ def _hinged(rng: np.random.Generator) -> ArticulatedObject:
 
 
 def _lifted(rng: np.random.Generator) -> ArticulatedObject:
-    """A sugar pot, biscuit barrel or tin whose lid lifts off; with ears or a swinging handle."""
+    """A sugar pot, biscuit barrel or tin whose lid lifts off, with ears or a swinging handle."""
     plan = plan_of(rng, 0.6) * float(rng.uniform(0.04, 0.09))
     size = plan.min()
     high = size * float(rng.uniform(0.9, 3.0))

@@ -1,5 +1,5 @@
-"""Kettles and teapots: a body with a spout and a handle, a lid that is hinged or lifts or turns;
-electric ones with a switch, a button and a base plate, others with a bail or a whistle."""
+"""Kettles and teapots: a body with a spout and a handle, and a lid that is hinged, lifts or turns.
+Electric ones have a switch and a base plate, others a bail or a whistle."""
 
 from __future__ import annotations
 
@@ -41,14 +41,14 @@ from uniart_jax.procedural.shapes import (
 
 
 def build(rng: np.random.Generator) -> ArticulatedObject:
-    """A kettle, metres, closed; its spout towards -x or elsewhere."""
-    obj = _electric(rng) if rng.random() < 0.5 else _of_the_stove(rng)
+    """A kettle in metres, closed; its spout towards -x or turned away from it."""
+    obj = _electric(rng) if rng.random() < 0.5 else _stovetop(rng)
     yaw = float(rng.choice([0.0, 90.0, -90.0, rng.uniform(-180, 180)], p=[0.4, 0.2, 0.2, 0.2]))
     return vessels.turned(obj, yaw)
 
 
 def _outline(rng: np.random.Generator) -> np.ndarray:
-    """Round mostly; six to twelve flats; squared."""
+    """An outline: mostly round, else with six to twelve flats, or squared."""
     kind = rng.choice(3, p=[0.7, 0.2, 0.1])
     if kind == 1:
         return vessels.ring(int(rng.choice([6, 8, 10, 12])))
@@ -57,7 +57,7 @@ def _outline(rng: np.random.Generator) -> np.ndarray:
 
 
 def _electric(rng: np.random.Generator) -> ArticulatedObject:
-    """A jug with a handle behind, a lid hinged above it, a switch, and most often a base plate."""
+    """A jug with a handle behind, a lid hinged above it, a switch and mostly a base plate."""
     height = float(rng.uniform(0.16, 0.27))
     bottom = height * float(rng.uniform(0.3, 0.5))
     unit = height / 100
@@ -184,7 +184,7 @@ def _patch(rng, profile, outline, unit: float) -> Manifold:
 
 
 def _base(rng, asm: Assembly, foot: Manifold, radius, base, unit, trim: Material) -> int:
-    """The plate below; some with a panel in front and a dial on it."""
+    """Add the base plate; some have a panel in front with a dial on it."""
     shape = Shape()
     if rng.random() < 0.6 or base < 8 * unit:
         return asm.add("base", shape.add(foot, trim))
@@ -200,7 +200,7 @@ def _base(rng, asm: Assembly, foot: Manifold, radius, base, unit, trim: Material
 
 
 def _flat_lid(rng, outline, top, wall, low, unit, face, trim, latched: bool) -> Shape:
-    """A low lid with a plug below and, unless a key opens it, a tab or a knob on it."""
+    """A low lid with a plug below. Unless a key opens it (``latched``), it has a tab or a knob."""
     tone = face if rng.random() < 0.5 else trim
     rise = float(rng.uniform(3, 14)) * unit
     lid = dome(outline, top, low, rise, min(2 * unit, 0.6 * rise))
@@ -224,7 +224,7 @@ def _flat_lid(rng, outline, top, wall, low, unit, face, trim, latched: bool) -> 
 
 
 def _switch(rng, asm: Assembly, root: int, profile, unit: float, tone: Material) -> None:
-    """A paddle low at the back or at a side, that is pressed down on its hinge."""
+    """Add a paddle, low at the back or at a side, that is pressed down about its hinge."""
     z = profile[0, 1] + float(rng.uniform(6, 9)) * unit
     thick, half = float(rng.uniform(3.2, 4.2)) * unit, float(rng.uniform(3, 6)) * unit
     long = float(rng.uniform(9, 15)) * unit
@@ -241,9 +241,9 @@ def _switch(rng, asm: Assembly, root: int, profile, unit: float, tone: Material)
         asm.add("switch", Shape().add(tidy(paddle), tone), root, hinge(at, (0, 1, 0), angle))
 
 
-def _of_the_stove(rng: np.random.Generator) -> ArticulatedObject:
-    """A squat body, a short spout, a handle over it or behind it, a lid that lifts, turns or is
-    hinged; some with a whistle."""
+def _stovetop(rng: np.random.Generator) -> ArticulatedObject:
+    """A stovetop kettle or teapot: a squat body, a short spout, a handle over or behind it, a lid
+    that lifts, turns or is hinged, and a whistle at times."""
     height = float(rng.uniform(0.09, 0.17))
     bottom = height * float(rng.uniform(0.45, 0.8))
     unit = height / 70
@@ -334,7 +334,7 @@ def _of_the_stove(rng: np.random.Generator) -> ArticulatedObject:
 
 
 def _lugs(body: Shape, profile, outline, z: float, r, unit, air, solid, trim) -> np.ndarray:
-    """Ears at both sides that carry a bail; where its right end turns."""
+    """Add ears at both sides that carry a bail; returns the pivot of its right end."""
     z = max(z, 0.55 * profile[-1, 1])
     across = radius_at(profile, z) * half_width(outline)
     y = across + 1.5 * unit
@@ -345,7 +345,7 @@ def _lugs(body: Shape, profile, outline, z: float, r, unit, air, solid, trim) ->
 
 
 def _bail(rng, asm, root, pivot, folded: bool, crown, r, unit, trim) -> None:
-    """A bow over the lid that folds to the back."""
+    """Add a bail over the lid that folds to the back."""
     _, y, z = pivot
     peak = max(crown + 4 * unit - z + 2 * r, 1.6 * y)
     line = vessel_fittings.bow(y, peak, float(rng.uniform(0.55, 1.0)))[:, [1, 0, 2]] + [0, 0, z]
@@ -366,7 +366,7 @@ def _bail(rng, asm, root, pivot, folded: bool, crown, r, unit, trim) -> None:
 
 
 def _whistle(rng, asm, root, tip, way, thin: float, unit: float, trim: Material) -> None:
-    """A cap on the spout's mouth, hinged above it."""
+    """Add a cap on the spout's mouth, hinged above it."""
     wide, long = 1.25 * thin, float(rng.uniform(0.9, 1.8)) * thin
     lean = float(np.rad2deg(np.arctan2(way[0], way[2])))
     up = np.array([way[2], 0, -way[0]])

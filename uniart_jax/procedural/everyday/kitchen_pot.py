@@ -1,5 +1,5 @@
-"""Pots and pans: saucepans, casseroles, roasters, steamers, camp pots, pressure cookers and slow
-cookers, with lids that lift, turn or are hinged, and handles that fold."""
+"""Saucepans, casseroles, roasters, steamers and camp pots with lids that lift, turn or are hinged,
+and handles that fold. Pressure cookers and slow cookers are in ``pot_cookers``."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from uniart_jax.procedural.shapes import Assembly, Shape, box, slide, tidy
 
 
 def build(rng: np.random.Generator) -> ArticulatedObject:
-    """A pot, metres, its lid on; its long handle, where it has one, towards any side."""
+    """A pot in metres, its lid on; a long handle may point in any direction."""
     kind = rng.choice(3, p=[0.66, 0.18, 0.16])
     if kind == 2:
         return slow_cooker(rng)
@@ -36,7 +36,8 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
 
 
 def _pot(rng: np.random.Generator) -> ArticulatedObject:
-    """A pot of the stove: from a flat pan to a tall one, one long handle, two short or a bail."""
+    """A stovetop pot, from a flat pan to a tall pot, with one long handle, two short ones or a
+    bail."""
     radius = float(rng.uniform(0.08, 0.17))
     plan = str(rng.choice(["round", "oval", "oblong", "flats"], p=[0.7, 0.13, 0.12, 0.05]))
     outline = vessels.ring(36)
@@ -109,8 +110,8 @@ def _pot(rng: np.random.Generator) -> ArticulatedObject:
 
 
 def _basket(rng, asm, root, profile, outline, unit, wall, air, face, trim) -> tuple[int, float]:
-    """A second pot that stands in the first one's rim and lifts out; returns its index and the
-    height its lid lies on."""
+    """Add a steamer basket that stands in the pot's rim and lifts out; returns its index and the
+    height of the lid's rest."""
     high, radius = profile[-1, 1], profile[-1, 0]
     tall = radius * float(rng.uniform(0.35, 0.8))
     low = high + air

@@ -1,4 +1,5 @@
-"""Large letter boxes: pillar boxes, boxes for parcels, rows of boxes for a house of flats."""
+"""Large letter boxes: pillar boxes, parcel boxes, and the letter boxes of a block of flats, in
+metres."""
 
 from __future__ import annotations
 
@@ -27,7 +28,7 @@ from uniart_jax.procedural.shapes import (
 
 
 def pillar_box(rng) -> Assembly:
-    """A round pillar box with a cap, a hooded slot and a curved door."""
+    """A round pillar box in metres with a cap, a hooded slot and a curved door."""
     high = float(rng.uniform(1.0, 1.6))
     r = high * float(rng.uniform(0.14, 0.2))
     unit, face = high / 100, draw_paint(rng)
@@ -91,7 +92,7 @@ def pillar_box(rng) -> Assembly:
 
 
 def parcel_box(rng) -> Assembly:
-    """A standing box for parcels: a hopper or a lid above, a large door below, on legs."""
+    """A standing parcel box in metres: a hopper or a lid above, a large door below, on legs."""
     wide = float(rng.uniform(0.36, 0.6))
     high, deep = wide * float(rng.uniform(1.3, 2.4)), wide * float(rng.uniform(0.6, 0.95))
     base = float(rng.uniform(0, 0.25)) * high
@@ -139,7 +140,7 @@ def parcel_box(rng) -> Assembly:
 
 
 def bank_of_boxes(rng) -> Assembly:
-    """The letter boxes of a house of flats: rows of doors, with or without slots."""
+    """The letter boxes of a block of flats, in metres: rows of doors, with or without slots."""
     columns, rows = int(rng.integers(1, 4)), int(rng.integers(1, 5))
     if columns * rows < 2:
         rows = 2

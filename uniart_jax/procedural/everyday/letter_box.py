@@ -1,5 +1,5 @@
-"""Letter boxes of one household: on a wall or a post, with a flag, with a lid. The family's other
-kinds are built by ``large_letter_boxes`` and ``small_cases``."""
+"""Letter boxes of one household: on a wall or a post, with a flag, or with a lid. The family's
+other kinds are in ``large_letter_boxes`` and ``small_cases``."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ KINDS = ("wall", "flagged", "lidded", "pillar", "parcel", "bird", "bread", "keys
 
 
 def build(rng: np.random.Generator) -> ArticulatedObject:
-    """A letter box or its like, metres, closed."""
+    """A letter box, bird house, bread box or key cabinet in metres, closed."""
     kind = rng.choice(len(KINDS), p=[0.2, 0.12, 0.1, 0.08, 0.12, 0.12, 0.1, 0.08, 0.08])
     makers = (
         _wall,
@@ -120,7 +120,7 @@ def _wall(rng) -> Assembly:
 
 
 def _flagged(rng) -> Assembly:
-    """A vaulted case along x, its door in front hinged below, a flag at its side, on a post."""
+    """A vaulted case along x on a post, its front door hinged below, a flag at its side."""
     deep = float(rng.uniform(0.38, 0.56))
     wide, high = deep * float(rng.uniform(0.35, 0.5)), deep * float(rng.uniform(0.42, 0.6))
     base = deep * float(rng.choice([0.0, rng.uniform(0.8, 1.8)], p=[0.4, 0.6]))
@@ -174,7 +174,8 @@ def _flagged(rng) -> Assembly:
 
 
 def _lidded(rng) -> Assembly:
-    """A case that is open above, under a slanting or level lid hinged behind; a door below."""
+    """A case that is open at the top, under a slanting or level lid hinged at the rear; a door
+    below."""
     wide = float(rng.uniform(0.22, 0.42))
     high, deep = wide * float(rng.uniform(0.6, 1.4)), wide * float(rng.uniform(0.28, 0.6))
     unit, wall, half = max(wide, high) / 100, max(0.012 * wide, 0.005), wide / 2

@@ -1,4 +1,5 @@
-"""Pepper and coffee mills: a head or a crank that turns, a drawer, a jar that screws off."""
+"""Pepper and coffee mills: a head or a crank that turns, a drawer, or a jar that screws off.
+Lengths are in metres."""
 
 from __future__ import annotations
 
@@ -33,7 +34,7 @@ from uniart_jax.procedural.shapes import (
 def _crank(
     rng, z: float, reach: float, unit: float, face, metal, cap: Manifold | None = None
 ) -> Shape:
-    """An arm from the middle to a sleeve that stands on its end."""
+    """An arm from the z axis to a sleeve that stands on its end."""
     angle = float(rng.uniform(-np.pi, np.pi))
     rise = float(rng.uniform(0, 6)) * unit
     tip = np.array([reach * np.cos(angle), reach * np.sin(angle), z + 5 * unit + rise])
@@ -50,7 +51,7 @@ def _crank(
 
 
 def pepper_mill(rng: np.random.Generator) -> ArticulatedObject:
-    """A pepper mill: a turned body and a head or crank that turns on it."""
+    """A pepper mill in metres: a turned body, and a head or crank that turns on it."""
     high, slim = float(rng.uniform(0.1, 0.35)), float(rng.uniform(0.13, 0.28))
     r, unit = high * slim, high / 100
     face, metal = finish(rng), materials.hardware(rng)
@@ -94,7 +95,8 @@ def pepper_mill(rng: np.random.Generator) -> ArticulatedObject:
 
 
 def coffee_mill(rng: np.random.Generator) -> ArticulatedObject:
-    """A coffee mill: a box with a drawer under a hopper and a crank, or a tube over a jar."""
+    """A coffee mill in metres: a box with a drawer under a hopper and a crank, or a tube over a
+    jar."""
     face, metal = materials.wood(rng) if rng.random() < 0.6 else finish(rng), finish(rng)
     s = float(rng.uniform(0.09, 0.16))
     unit, air, asm, body = s / 80, s / 200, Assembly(), Shape()

@@ -1,5 +1,5 @@
-"""Musical boxes with a crank, a drum or a dancer; cassette radios with flaps, keys, knobs and a
-handle; tape reels."""
+"""Music boxes with a crank, a drum or a dancer; cassette radios and tape machines with flaps, keys,
+knobs and reels. Lengths are in metres."""
 
 from __future__ import annotations
 
@@ -31,7 +31,8 @@ UP, ACROSS = (0, 0, 1), (0, 1, 0)
 
 
 def finish(rng: np.random.Generator, wooden: float) -> Material:
-    """Wood, or plastic of any colour, steel, black, white."""
+    """Draw a finish: wood with the probability ``wooden``, else plastic of any colour, steel, black
+    or white."""
     if rng.random() < wooden:
         return materials.wood(rng)
     return materials.casing(rng, (0.2, 0.2, 0.25, 0.35))
@@ -40,7 +41,8 @@ def finish(rng: np.random.Generator, wooden: float) -> Material:
 def add_crank(
     rng, asm: Assembly, parent: int, at, side: float, size: float, trim: Material
 ) -> None:
-    """A crank in a side wall (y = ``at[1]``): a shaft, an arm, a grip that points outwards."""
+    """Add a crank in the side wall y = ``at[1]`` (metres): a shaft, an arm and a grip that points
+    outwards."""
     x, y, z = at
     r, out = 0.17 * size, 0.65 * size
     angle = float(rng.uniform(0, 2 * np.pi))
@@ -56,7 +58,8 @@ def add_crank(
 
 
 def musical_box(rng: np.random.Generator) -> Assembly:
-    """A box with a crank: a drum or a dancer turns under its lid, or on its open top."""
+    """A music box in metres with a crank; a drum or a dancer turns under its lid or on its open
+    top."""
     wide = float(rng.uniform(0.08, 0.24))
     depth = wide * float(rng.uniform(0.6, 1.05))
     unit, half = wide / 100, wide / 2
@@ -117,7 +120,7 @@ def musical_box(rng: np.random.Generator) -> Assembly:
 
 
 def _dancer(rng, asm: Assembly, root: int, mid, low, top, radius: float, unit: float) -> None:
-    """A figure off the middle of a disc that turns."""
+    """Add a disc that turns, with a figure off its middle."""
     disc = cylinder("z", [mid, 0, low + 0.3 * unit], 1.6 * unit, radius, segments=28)
     tall, off = top - low - 1.9 * unit, 0.3 * radius
     z = low + 1.8 * unit
@@ -144,8 +147,8 @@ def _dancer(rng, asm: Assembly, root: int, mid, low, top, radius: float, unit: f
 
 
 def radio(rng: np.random.Generator) -> Assembly:
-    """A cassette radio or tape machine: speakers, a flap or reels in front, keys on top, knobs, a
-    handle, an aerial."""
+    """A cassette radio or tape machine in metres: speakers, a flap or reels in front, keys on top,
+    knobs, a handle and an aerial."""
     wide = float(rng.uniform(0.2, 0.6))
     high = wide * float(rng.uniform(0.42, 0.75))
     depth = wide * float(rng.uniform(0.16, 0.36))

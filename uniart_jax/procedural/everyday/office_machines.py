@@ -1,4 +1,5 @@
-"""Copiers, scanners and shredders, which have drawers, lids and panels as printers do."""
+"""Copiers, scanners and shredders, which have drawers, lids and panels as printers do. Lengths are
+in metres."""
 
 from __future__ import annotations
 
@@ -33,7 +34,8 @@ from uniart_jax.procedural.shapes import (
 
 
 def copier(rng) -> Assembly:
-    """A copier that stands on the floor: a stack of drawers, a gap for the sheets, a scanner."""
+    """A copier in metres that stands on the floor: a stack of drawers, a gap for the sheets, a
+    scanner."""
     wide = float(rng.uniform(0.5, 0.68))
     deep, high = wide * float(rng.uniform(0.85, 1.05)), wide * float(rng.uniform(1.35, 1.8))
     unit, half = high / 100, wide / 2
@@ -80,7 +82,7 @@ def copier(rng) -> Assembly:
 
 
 def scanner(rng) -> Assembly:
-    """A flat scanner, or one that takes sheets through a chute with a folding stop."""
+    """A flatbed scanner in metres, or one that feeds sheets through a chute with a folding stop."""
     wide = float(rng.uniform(0.25, 0.42))
     deep = wide * float(rng.uniform(0.7, 1.5))
     unit, half = max(wide, deep) / 100, wide / 2
@@ -107,7 +109,7 @@ def scanner(rng) -> Assembly:
 
 
 def shredder(rng) -> Assembly:
-    """A shredder: a head with a slot over a bin that is drawn out, or behind a door."""
+    """A shredder in metres: a head with a slot over a bin that slides out, or is behind a door."""
     wide = float(rng.uniform(0.3, 0.44))
     deep, high = wide * float(rng.uniform(0.6, 0.85)), wide * float(rng.uniform(1.2, 1.9))
     unit, half = high / 100, wide / 2

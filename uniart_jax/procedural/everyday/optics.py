@@ -1,4 +1,4 @@
-"""Lenses of cameras, and binoculars, projectors and microscopes."""
+"""Lenses of cameras; binoculars, projectors and microscopes. Lengths are in metres."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from uniart_jax.procedural.shapes import (
 
 
 def casing(rng: np.random.Generator) -> Material:
-    """Black, silver, white or bright plastic."""
+    """Draw a finish: black, silver, white or bright plastic."""
     kind = rng.choice(4, p=[0.38, 0.2, 0.12, 0.3])
     if kind == 0:
         return materials.dark(rng)
@@ -37,7 +37,7 @@ def casing(rng: np.random.Generator) -> Material:
 
 
 def knurled(axis: str, at, length: float, radius: float, teeth: int, hole: float = 0) -> Manifold:
-    """A ring or disc along ``axis`` with teeth round it."""
+    """A toothed disc along ``axis`` (metres), or a ring if ``hole`` is its inner radius."""
     angle = np.linspace(0, 2 * np.pi, 4 * teeth, endpoint=False)
     r = radius * np.where(np.arange(4 * teeth) // 2 % 2, 0.93, 1.0)
     outline = np.column_stack([r * np.cos(angle), r * np.sin(angle)])
@@ -50,14 +50,14 @@ def knurled(axis: str, at, length: float, radius: float, teeth: int, hole: float
 
 
 def _tip(shape: Shape, x: float, y: float, z: float, radius: float, unit: float, tone, glass):
-    """A rim and the glass within it, in front of the plane ``x``."""
+    """Add a rim and the glass within it, in front of the plane ``x``."""
     shape.add(tube("x", [x - 2 * unit, y, z], 2 * unit, radius, 0.75 * radius, 32), tone)
     shape.add(cylinder("x", [x - 0.8 * unit, y, z], 0.8 * unit, 0.73 * radius, segments=32), glass)
 
 
 def lens(rng, asm: Assembly, root: int, at, radius: float, unit: float, tone, kind: str) -> None:
-    """A lens in front of ``at``: a barrel that slides out in one stage or two, or rings that turn
-    on a tube, and now and then a lid that swings."""
+    """Add a lens in front of ``at`` (metres): a barrel that slides out in one or two stages, or
+    rings that turn on a tube, and at times a hinged lid."""
     x, y, z = (float(a) for a in at)
     glass, air = materials.dark_glass(rng), 0.5 * unit
     if kind == "compact" or (kind == "instant" and rng.random() < 0.6):
@@ -119,8 +119,8 @@ def lens(rng, asm: Assembly, root: int, at, radius: float, unit: float, tone, ki
 
 
 def binoculars(rng: np.random.Generator) -> ArticulatedObject:
-    """Two barrels that fold about a bridge, with a wheel on it and eyecups that turn out; lying or
-    standing."""
+    """Binoculars in metres, lying or standing: two barrels that fold about a bridge, a wheel on it,
+    and eyecups that turn out."""
     long = float(rng.uniform(0.09, 0.2))
     unit = long / 100
     wide, slim = float(rng.uniform(15, 26)) * unit, float(rng.uniform(9, 14)) * unit
@@ -214,7 +214,7 @@ def binoculars(rng: np.random.Generator) -> ArticulatedObject:
 
 
 def projector(rng: np.random.Generator) -> ArticulatedObject:
-    """A box with a lens, with a drum of slides, with two reels, or flat with a flap and a foot."""
+    """A projector in metres: a box with a lens, a slide drum, two reels, or a flap and a foot."""
     kind = str(rng.choice(["drum", "reels", "flat"], p=[0.3, 0.3, 0.4]))
     width = float(rng.uniform(0.22, 0.38))
     unit, air = width / 100, width / 200
@@ -328,7 +328,7 @@ def projector(rng: np.random.Generator) -> ArticulatedObject:
 
 
 def microscope(rng: np.random.Generator) -> ArticulatedObject:
-    """A foot, an arm behind, a stage that rises, a nosepiece with glasses that turns, knobs."""
+    """A microscope in metres: a foot, an arm, a stage that rises, a turning nosepiece, knobs."""
     high = float(rng.uniform(0.2, 0.4))
     unit, air = high / 100, high / 250
     face, trim, metal = casing(rng), casing(rng), materials.metal(rng, brushed=False)

@@ -1,4 +1,5 @@
-"""Pipes and what joins them: finishes, couplings, ends and elbows, pressure gauges."""
+"""Pipes and what joins them: finishes, couplings, ends, elbows and pressure gauges. Lengths are in
+metres."""
 
 from __future__ import annotations
 
@@ -27,13 +28,13 @@ WHEELS = ("flat", "dished", "disc", "star", "tee")
 
 @dataclasses.dataclass
 class Works:
-    """What stands still, and the moving parts: name, pieces, joint."""
+    """The fixed pieces, and the moving parts: (name, pieces, joint)."""
 
     body: Pieces = dataclasses.field(default_factory=list)
     moving: list[tuple[str, Pieces, Joint]] = dataclasses.field(default_factory=list)
 
     def take(self, other: Works, matrix: np.ndarray) -> None:
-        """Add another's, moved by a rigid motion [4, 4]."""
+        """Add all of ``other``, moved by a rigid motion [4, 4]."""
         self.body += [(s.transform(matrix[:3]), m) for s, m in other.body]
         for name, pieces, joint in other.moving:
             placed = [(s.transform(matrix[:3]), m) for s, m in pieces]
@@ -42,7 +43,8 @@ class Works:
 
 @dataclasses.dataclass(frozen=True)
 class Look:
-    """Finishes and how pipes are joined: 'flange', 'nut' or 'plain'."""
+    """Finishes of a pipe and its valves, how pipes are joined ('flange', 'nut' or 'plain'), and the
+    kinds of wheels and levers."""
 
     pipe: Material
     body: Material
@@ -54,7 +56,8 @@ class Look:
 
 
 def draw_look(rng: np.random.Generator) -> Look:
-    """Brass, steel, cast iron in enamel, or plastic; wheels and levers often red, blue, yellow."""
+    """Draw finishes: brass, steel, copper, paint or plastic; wheels and levers often red, blue,
+    yellow or green."""
     strong = [(0.75, 0.1, 0.08), (0.1, 0.25, 0.65), (0.9, 0.72, 0.1), (0.1, 0.45, 0.2)]
     tone = plain(np.array(strong[rng.integers(4)]) * rng.uniform(0.75, 1.15))
     other = plain(np.array(strong[rng.integers(4)]) * rng.uniform(0.75, 1.15))
@@ -80,14 +83,16 @@ def draw_look(rng: np.random.Generator) -> Look:
 
 
 def placement(x, z, at=(0.0, 0.0, 0.0)) -> np.ndarray:
-    """[4, 4] that carries the axes x and z to the two given ones and 0 to ``at``."""
+    """The rigid motion [4, 4] that carries the axes x and z to the two given ones and 0 to ``at``
+    (metres)."""
     out = np.eye(4)
     out[:3] = np.column_stack([x, np.cross(z, x), z, at])
     return out
 
 
 def coupling(look: Look, r: float, y: float, way: int) -> Pieces:
-    """What joins two pipes about the plane y: a pair of bolted discs, or a nut."""
+    """What joins two pipes of radius ``r`` (metres) about the plane y: a pair of bolted discs, or a
+    nut."""
     if look.joint == "flange":
         wide, thick = 1.8 * r, 0.28 * r
         discs = [cylinder("y", [0, y - thick, 0], 0.96 * thick, wide, segments=22)]
@@ -107,7 +112,8 @@ def coupling(look: Look, r: float, y: float, way: int) -> Pieces:
 
 
 def pipe_end(rng, look: Look, r: float, bend: np.ndarray | None, kind: str, long: float) -> Pieces:
-    """The rest of a pipe towards +y from 0, ``long`` or round an elbow towards ``bend``."""
+    """The rest of a pipe from 0 towards +y: ``long`` metres, or around an elbow towards
+    ``bend``."""
     place, pieces = np.eye(4), []
     if bend is not None:
         turns = np.linspace(0, np.pi / 2, 4)
@@ -129,7 +135,7 @@ def pipe_end(rng, look: Look, r: float, bend: np.ndarray | None, kind: str, long
 
 
 def gauge(rng, look: Look, r: float, size: float) -> Works:
-    """A dial on a stem along +z that faces -x, its needle low on the left."""
+    """A pressure gauge (metres) on a stem along +z that faces -x, its needle at the lower left."""
     stem, deep = r + 0.6 * size, 0.5 * size
     z = stem + size
     case = cylinder("x", [-deep / 2, 0, z], deep, size, segments=28)

@@ -1,4 +1,4 @@
-"""Pliers, tongs, nutcrackers and clothes pegs: two halves about a pivot."""
+"""Pliers, tongs, nutcrackers and clothes pegs: two halves about a pivot. Lengths are in metres."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from uniart_jax.procedural import materials
 from uniart_jax.procedural.everyday.small_tools import grip_finish
 from uniart_jax.procedural.scissors import strip
 from uniart_jax.procedural.shapes import (
+    PartSpec,
     Shape,
     box,
     cut,
@@ -22,21 +23,21 @@ from uniart_jax.procedural.shapes import (
 
 
 def _bar(points: np.ndarray, radii) -> CrossSection:
-    """A bar along points [n, 2] with half widths ``radii`` there, its ends round."""
+    """A bar along points [n, 2] with half widths ``radii`` and round ends."""
     ends = itertools.pairwise(zip(points, radii, strict=True))
     return CrossSection.batch_boolean([strip(a, b, r, q) for (a, r), (b, q) in ends], OpType.Add)
 
 
 def _side(sign: int, gap: float) -> CrossSection:
-    """The half plane beyond v = ``gap`` on a side."""
+    """The half plane v > ``gap`` for a positive ``sign``, else v < -``gap``."""
     return CrossSection.square((4, 2)).translate((-2, gap if sign > 0 else -2 - gap))
 
 
 def _halves(
     flat: CrossSection, radius, grip: CrossSection | None, layer, angle, tones
-) -> list[tuple]:
-    """A half and its mirror image, full thickness but at their pivot, where their discs lie one
-    on the other."""
+) -> list[PartSpec]:
+    """A half and its mirror image. Both have full thickness except at the pivot, where their discs
+    lie one on the other."""
     gap, full = 0.12 * layer, 2.12 * layer
     parts, pin = [], 0.45 * radius
     for k in (0, 1):
@@ -62,8 +63,9 @@ def _halves(
     return parts
 
 
-def pliers(rng: np.random.Generator) -> list[tuple]:
-    """Crossed halves: jaws before the pivot, handles behind it."""
+def pliers(rng: np.random.Generator) -> list[PartSpec]:
+    """The parts of pliers (metres): crossed halves, with jaws in front of the pivot and handles
+    behind it."""
     length = float(rng.uniform(0.12, 0.26))
     unit = length / 100
     radius, gap = float(rng.uniform(6, 10)) * unit, 0.5 * unit
@@ -95,8 +97,8 @@ def pliers(rng: np.random.Generator) -> list[tuple]:
     return _halves(jaws + bar, radius, sleeve, float(rng.uniform(3, 5)) * unit, angle, tones)
 
 
-def tongs(rng: np.random.Generator) -> list[tuple]:
-    """Tongs and nutcrackers: two arms about a pivot at one end."""
+def tongs(rng: np.random.Generator) -> list[PartSpec]:
+    """The parts of tongs or a nutcracker (metres): two arms about a pivot at one end."""
     nuts = rng.random() < 0.45
     length = float(rng.uniform(0.13, 0.2) if nuts else rng.uniform(0.18, 0.4))
     unit, gap = length / 100, 0.4 * length / 100
@@ -130,8 +132,8 @@ def tongs(rng: np.random.Generator) -> list[tuple]:
     return _halves(flat, radius, sleeve, layer, angle, (steel, grip_finish(rng)))
 
 
-def peg(rng: np.random.Generator) -> list[tuple]:
-    """A clothes peg: two wedges about a spring, held shut before it."""
+def peg(rng: np.random.Generator) -> list[PartSpec]:
+    """The parts of a clothes peg (metres): two wedges about a spring, closed at the front."""
     length = float(rng.uniform(0.06, 0.1))
     unit, lean = length / 100, float(rng.uniform(0.1, 0.24))
     front, gap, thick = (

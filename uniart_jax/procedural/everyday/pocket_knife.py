@@ -1,4 +1,5 @@
-"""Folding knives, razors and cutters with a sliding blade; pliers and other small tools besides."""
+"""Folding knives, razors and cutters with a sliding blade. Pliers and other small tools of the
+family are in ``pliers`` and ``small_tools``."""
 
 from __future__ import annotations
 
@@ -10,6 +11,7 @@ from uniart_jax.procedural import materials
 from uniart_jax.procedural.everyday import pliers, small_tools
 from uniart_jax.procedural.poses import pose
 from uniart_jax.procedural.shapes import (
+    PartSpec,
     Shape,
     assembled,
     box,
@@ -25,9 +27,9 @@ from uniart_jax.procedural.shapes import (
 
 
 def build(rng: np.random.Generator) -> ArticulatedObject:
-    """A small tool, metres, closed.
+    """A small tool in metres, closed.
 
-    Made in a frame (u along it, v across, w through its layers), then turned into the room.
+    It is made in a frame (u along it, v across, w through its layers), then turned to lie or stand.
     """
     kinds = (
         _folding,
@@ -46,7 +48,8 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
 
 
 def _scale(rng: np.random.Generator, length: float, high: float) -> np.ndarray:
-    """A handle's side view (u, v): blunt or round ends, some tapered or waved for the fingers."""
+    """The side view (u, v) of a handle scale: blunt or round ends, at times tapered or waved for
+    the fingers."""
     u = np.linspace(-1, 1, 31)
     power, taper = float(rng.uniform(3, 9)), float(rng.uniform(-0.12, 0.12))
     wave = float(rng.choice([0.0, rng.uniform(0.03, 0.1)]))
@@ -60,8 +63,8 @@ def _scale(rng: np.random.Generator, length: float, high: float) -> np.ndarray:
 
 
 def _blade(rng: np.random.Generator, long: float, edge: float, back: float) -> CrossSection:
-    """A blade's side view from its pivot at 0 towards -u, its edge down: knives of several points,
-    saws, drivers, bottle openers."""
+    """The side view of a blade from its pivot at 0 towards -u, its edge down: knives, saws,
+    drivers, bottle openers."""
     kind = rng.choice(
         ["drop", "spear", "sheep", "saw", "driver", "opener"], p=[0.3, 0.2, 0.2, 0.1, 0.1, 0.1]
     )
@@ -82,9 +85,9 @@ def _blade(rng: np.random.Generator, long: float, edge: float, back: float) -> C
     return flat
 
 
-def _folding(rng: np.random.Generator) -> list[tuple]:
-    """Scales with one to four blades in layers between them, pivoted at either end; razors have a
-    tail."""
+def _folding(rng: np.random.Generator) -> list[PartSpec]:
+    """Two scales with one to four blades in layers between them, pivoted at either end. Razors have
+    a tail."""
     length = float(rng.uniform(0.07, 0.15))
     unit, count = length / 100, int(rng.choice([1, 2, 3, 4], p=[0.42, 0.23, 0.2, 0.15]))
     razor = count == 1 and rng.random() < 0.25
@@ -122,7 +125,7 @@ def _folding(rng: np.random.Generator) -> list[tuple]:
         for w in (-thick - 0.8 * unit, inner + thick)
     ]
     handle.add(union(caps), materials.hardware(rng))
-    parts = [("handle", handle, -1, None)]
+    parts: list[PartSpec] = [("handle", handle, -1, None)]
     for k, end in enumerate(ends):
         long = (pivot + length / 2) * float(
             rng.uniform(0.86, 0.97) if k < 1 else rng.uniform(0.6, 0.95)
@@ -147,8 +150,9 @@ def _folding(rng: np.random.Generator) -> list[tuple]:
     return parts
 
 
-def _cutter(rng: np.random.Generator) -> list[tuple]:
-    """A hollow grip, a blade with a thumb piece that slides in its slot; a wheel that clamps it."""
+def _cutter(rng: np.random.Generator) -> list[PartSpec]:
+    """A hollow grip, and a blade with a thumb piece that slides in its slot; at times a clamping
+    wheel."""
     length = float(rng.uniform(0.11, 0.19))
     unit, air = length / 100, 0.35 * length / 100
     high, thick = float(rng.uniform(11, 21)) * unit, float(rng.uniform(8, 13)) * unit
@@ -188,7 +192,7 @@ def _cutter(rng: np.random.Generator) -> list[tuple]:
     for x in np.linspace(a, a + stem - 2 * unit, int(rng.integers(2, 5))):
         thumb += box([x, -pad, roof + unit], [x + 1.6 * unit, pad, roof + 4.5 * unit])
     moving = Shape().add(steel, materials.metal(rng, brushed=False)).add(tidy(thumb), dark)
-    parts = [("grip", shape, -1, None)]
+    parts: list[PartSpec] = [("grip", shape, -1, None)]
     parts.append(("blade", moving, 0, slide((1, 0, 0), b - a - stem - 2 * air)))
     if rng.random() < 0.35 and a > -0.28 * length:
         r = min(0.42 * high, 5.5 * unit)

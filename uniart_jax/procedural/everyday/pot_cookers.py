@@ -1,4 +1,4 @@
-"""Pressure cookers and slow cookers."""
+"""Pressure cookers and slow cookers, in metres."""
 
 from __future__ import annotations
 
@@ -39,7 +39,8 @@ from uniart_jax.procedural.shapes import (
 
 
 def pressure_cooker(rng: np.random.Generator) -> ArticulatedObject:
-    """A deep pot whose lid turns to lock; handles one above the other, a valve."""
+    """A pressure cooker in metres: a deep pot whose lid turns to lock, handles one above the other,
+    a valve."""
     radius = float(rng.uniform(0.1, 0.14))
     height = radius * float(rng.uniform(0.8, 1.9))
     unit = max(2.6 * radius, height) / 100
@@ -114,8 +115,8 @@ def pressure_cooker(rng: np.random.Generator) -> ArticulatedObject:
 
 
 def slow_cooker(rng: np.random.Generator) -> ArticulatedObject:
-    """An electric cooker: a round, oval or squared case, a lid hinged behind or lifted, a dial or
-    buttons in front."""
+    """A slow cooker in metres: a round, oval or squared case, a lid that is hinged or lifts off, a
+    dial or buttons in front."""
     radius = float(rng.uniform(0.1, 0.15))
     power = float(rng.choice([2.0, rng.uniform(2.5, 5)]))
     outline = vessels.ring(36, float(rng.uniform(1.0, 1.45)), power)

@@ -1,5 +1,5 @@
-"""Fittings of pots and pans: handles that are fixed, fold or hang, lids that lift, turn or are
-hinged."""
+"""Fittings of pots and pans: handles that are fixed, fold or hang; lids that lift, turn or are
+hinged. Lengths are in metres; ``unit`` is a hundredth of the object's size."""
 
 from __future__ import annotations
 
@@ -27,7 +27,8 @@ from uniart_jax.procedural.shapes import (
 
 
 def add_long_handle(rng, body, solid, reach, z, radius, unit, trim) -> None:
-    """One long handle behind, round or flat, that rises a little; some with a helper in front."""
+    """Add one long handle behind (metres), round or flat, that rises a little; some pots get a
+    small handle in front too."""
     long, up = float(rng.uniform(0.9, 1.9)) * radius, float(rng.uniform(-0.05, 0.25)) * radius
     thick = float(rng.uniform(0.07, 0.12)) * radius + 0.5 * unit
     start = reach - 3 * unit
@@ -43,7 +44,7 @@ def add_long_handle(rng, body, solid, reach, z, radius, unit, trim) -> None:
 
 
 def add_pair(rng, body, solid, reach, z, unit, trim) -> None:
-    """Two short handles at the sides: loops or solid ears."""
+    """Add two short handles at the sides (metres): loops or solid ears."""
     wide, long = float(rng.uniform(0.25, 0.45)) * reach, float(rng.uniform(0.2, 0.4)) * reach
     r = float(rng.uniform(1.5, 3)) * unit
     if rng.random() < 0.7:
@@ -60,8 +61,8 @@ def add_pair(rng, body, solid, reach, z, unit, trim) -> None:
 
 
 def add_folding_pair(rng, body, solid, profile, widen, z, unit, trim) -> list[tuple]:
-    """Two loops of wire at the sides that hang down and are raised outwards; returns their
-    names, shapes and joints."""
+    """Two wire loops (metres) that hang at the sides and swing up and out; returns their names,
+    shapes and joints. Their lugs are added to ``body``."""
     r = float(rng.uniform(1.4, 2.2)) * unit
     wide = float(rng.uniform(0.3, 0.5)) * radius_at(profile, z)
     drop = min(0.75 * z, float(rng.uniform(0.35, 0.6)) * wide * 2)
@@ -84,7 +85,8 @@ def add_folding_pair(rng, body, solid, profile, widen, z, unit, trim) -> list[tu
 
 
 def add_folding_long(rng, body, solid, profile, z, radius, unit, trim) -> tuple:
-    """A long handle behind that folds up on its hinge; returns its name, shape and joint."""
+    """A long handle behind (metres) that folds up about its hinge; returns its name, shape and
+    joint. Its lugs are added to ``body``."""
     r = float(rng.uniform(1.8, 2.6)) * unit
     x = widest(profile, (z - 1.6 * r, z, z + 1.6 * r)) + 1.7 * r + unit
     half, air = 1.5 * r, 0.6 * unit
@@ -103,7 +105,7 @@ def add_folding_long(rng, body, solid, profile, z, radius, unit, trim) -> tuple:
 
 
 def add_pins(body: Shape, solid, across, profile, unit, trim) -> np.ndarray:
-    """Pins at both sides for a bail; returns where its right end turns."""
+    """Add pins at both sides for a bail; returns the pivot of its right end (metres)."""
     r = 1.6 * unit
     z = 0.84 * profile[-1, 1]
     widen = across / profile[-1, 0]
@@ -115,7 +117,7 @@ def add_pins(body: Shape, solid, across, profile, unit, trim) -> np.ndarray:
 
 
 def add_bail(rng, asm, root, pivot, radius, crown, unit, trim) -> None:
-    """A bow from side to side that lies behind and is raised over the lid."""
+    """Add a bail (metres) that lies towards the rear and is raised over the lid."""
     _, y, z = pivot
     r = 1.6 * unit
     peak = max(crown - z + 5 * unit + r, 1.3 * max(radius, y))
@@ -128,8 +130,8 @@ def add_bail(rng, asm, root, pivot, radius, crown, unit, trim) -> None:
 
 
 def add_lid(rng, asm, parent, outline, radius, wall, low, unit, way, steep, face, trim) -> float:
-    """A lid, flat, vaulted, of steel, enamel or glass, its knob fixed or turning; returns
-    the height of its top."""
+    """Add a flat or raised lid (metres) of steel, enamel or glass, its knob fixed or turning;
+    returns the height of its top."""
     glass = rng.random() < 0.25
     tone = materials.glass(rng) if glass else face
     if not glass and rng.random() < 0.2:
@@ -183,7 +185,8 @@ def add_lid(rng, asm, parent, outline, radius, wall, low, unit, way, steep, face
 
 
 def add_electric_lid(rng, asm, root, outline, top, wall, low, unit, hinged, face, trim) -> None:
-    """A lid with a button or a bow; hinged behind, or lifted off."""
+    """Add a lid (metres) with a button or a bow, hinged at the rear if ``hinged``, else lifted
+    off."""
     if not hinged:
         add_lid(rng, asm, root, outline, top, wall, low, unit, "lift", False, face, trim)
         return

@@ -1,4 +1,4 @@
-"""Inkjet, laser and label printers; the family's copiers, scanners and shredders are built by
+"""Inkjet, laser and label printers. The family's copiers, scanners and shredders are in
 ``office_machines``."""
 
 from __future__ import annotations
@@ -41,13 +41,13 @@ KINDS = ("inkjet", "laser", "copier", "scanner", "shredder", "label")
 
 
 def build(rng: np.random.Generator) -> ArticulatedObject:
-    """A printer or its like, metres, closed."""
+    """A printer, copier, scanner or shredder in metres, closed."""
     kind = rng.choice(len(KINDS), p=[0.28, 0.24, 0.16, 0.09, 0.12, 0.11])
     return (_inkjet, _laser, copier, scanner, shredder, _label)[kind](rng).object()
 
 
 def _inkjet(rng) -> Assembly:
-    """A low printer: a scanner's lid or a cover, a panel, a flap for paper, perhaps a cassette."""
+    """A low printer: a scanner lid or a cover, a panel, a paper flap, at times a cassette."""
     wide = float(rng.uniform(0.38, 0.5))
     deep, high = wide * float(rng.uniform(0.68, 0.9)), wide * float(rng.uniform(0.3, 0.48))
     unit, half = wide / 100, wide / 2
@@ -92,7 +92,7 @@ def _inkjet(rng) -> Assembly:
 
 
 def _laser(rng) -> Assembly:
-    """A printer of a block: sheets come out on top; a front door or flap, drawers, a side door."""
+    """A tall printer: sheets come out on top; a front door or flap, drawers, a side door."""
     wide = float(rng.uniform(0.34, 0.46))
     deep, high = wide * float(rng.uniform(0.85, 1.1)), wide * float(rng.uniform(0.55, 1.15))
     unit, half = max(wide, high) / 100, wide / 2
@@ -139,7 +139,7 @@ def _laser(rng) -> Assembly:
 
 
 def _label(rng) -> Assembly:
-    """A printer of labels or receipts: a lid hinged behind over a roll that turns; a knob."""
+    """A label or receipt printer: a lid hinged at the rear over a roll that turns; a knob."""
     wide = float(rng.uniform(0.12, 0.22))
     deep, high = wide * float(rng.uniform(0.9, 1.6)), wide * float(rng.uniform(0.7, 1.15))
     unit, half = max(wide, deep) / 100, wide / 2

@@ -1,5 +1,6 @@
 """Parts of printers and copiers: finishes, paper drawers, lids over a scanner's glass, flaps,
-screens, panels that tilt."""
+screens and panels that tilt. Lengths are in metres; ``unit`` is a hundredth of the object's
+size."""
 
 from __future__ import annotations
 
@@ -24,7 +25,7 @@ Rows = list[tuple[float, float]]  # of drawers: z0, z1 of each
 
 
 def draw_case(rng: np.random.Generator) -> Material:
-    """White, grey or black plastic, now and then a colour."""
+    """Draw the finish of a case: white, grey or black plastic, at times a colour."""
     kind = rng.choice(4, p=[0.36, 0.22, 0.2, 0.22])
     if kind == 0:
         return materials.white_plastic(rng)
@@ -36,7 +37,7 @@ def draw_case(rng: np.random.Generator) -> Material:
 
 
 def draw_second(rng, face: Material) -> Material:
-    """A finish for moving parts: that of the case, darker, or another."""
+    """Draw the finish of moving parts: that of the case, darker, or another."""
     kind = rng.random()
     if kind < 0.35:
         return face
@@ -44,7 +45,7 @@ def draw_second(rng, face: Material) -> Material:
 
 
 def block(depth: float, width: float, z0: float, z1: float, corner: float) -> Manifold:
-    """A block from x = 0 to ``depth``, its upright edges rounded."""
+    """A block in metres from x = 0 to ``depth``, its upright edges rounded by ``corner``."""
     outline = rounded(depth, width, corner, 5) if corner > 0 else rounded(depth, width, 1e-4, 2)
     return extrusion(outline, "z", [depth / 2, 0, z0], z1 - z0)
 
@@ -52,7 +53,8 @@ def block(depth: float, width: float, z0: float, z1: float, corner: float) -> Ma
 def add_drawers(
     rng, asm: Assembly, root: int, rows: Rows, half, deep, unit, face: Material, metal: Material
 ) -> None:
-    """Paper drawers whose fronts stand before x = 0; ``rows``: (z0, z1) of each."""
+    """Add paper drawers whose fronts stand in front of x = 0; ``rows`` holds the (z0, z1) of each,
+    metres."""
     grip, pull = rng.integers(3), float(rng.uniform(0.4, 0.75)) * deep
     for z0, z1 in rows:
         x, gap = -0.3 * unit, 0.4 * unit
@@ -80,13 +82,13 @@ def add_drawers(
 
 
 def drawer_rooms(rows: Rows, half: float, deep: float, unit: float) -> list[Manifold]:
-    """The rooms that ``add_drawers`` needs in the body."""
+    """The holes (metres) to cut into the body for ``add_drawers``."""
     inner = half - 1.8 * unit
     return [box([-1, -inner, z0], [0.86 * deep + 0.5 * unit, inner, z1]) for z0, z1 in rows]
 
 
 def scanner_glass(x: tuple[float, float], half: float, high: float, unit: float) -> Manifold:
-    """The glass of a scanner, in a hollow that is .3 ``unit`` deep below z = ``high``."""
+    """The glass of a scanner (metres) in a recess that is 0.3 ``unit`` deep below z = ``high``."""
     lo = [x[0] + 2e-4, 2e-4 - half, high - 0.3 * unit]
     return box(lo, [x[1] - 2e-4, half - 2e-4, high - 0.05 * unit])
 
@@ -94,7 +96,8 @@ def scanner_glass(x: tuple[float, float], half: float, high: float, unit: float)
 def add_lid(
     rng, asm: Assembly, root: int, size, corner, z, unit, face: Material, feeder: bool
 ) -> None:
-    """A cover over the scanner's glass hinged behind; with a sheet feeder on it, if wanted."""
+    """Add a lid (metres) over the scanner's glass, hinged at the rear, with a sheet feeder on it if
+    ``feeder``."""
     depth, width = size
     thick = float(rng.uniform(2, 5)) * unit
     low = z + 0.3 * unit
@@ -139,8 +142,8 @@ def add_flap(
     thick: float | None = None,
     swing: tuple[float, float] = (70, 100),
 ) -> None:
-    """A flap or door before x = 0, hinged at ``side``: bottom, left or right; it opens by ``swing``
-    degrees. ``thick``: metres."""
+    """Add a flap or door in front of x = 0, ``thick`` metres thick, hinged at ``side``: bottom,
+    left or right. It opens by an angle within ``swing``, degrees."""
     y0, y1, z0, z1 = span
     x, thick = -0.3 * unit, 1.6 * unit if thick is None else thick
     front, y, z = x - thick, (y0 + y1) / 2, (z0 + z1) / 2
@@ -160,7 +163,7 @@ def add_flap(
 
 
 def add_screen(shape: Shape, rng, x: float, span: Span, unit: float, keys: bool) -> None:
-    """A screen, dark or lit, on the plane ``x``; with ``keys`` beside it that do not move."""
+    """Add a screen (metres), dark or lit, on the plane ``x``, with fixed ``keys`` beside it."""
     y0, y1, z0, z1 = span
     w, h = y1 - y0, z1 - z0
     a = y0 + 0.3 * w if keys else y0 + 0.12 * w
@@ -182,7 +185,8 @@ def add_screen(shape: Shape, rng, x: float, span: Span, unit: float, keys: bool)
 def add_tilting_panel(
     rng, asm: Assembly, root: int, span: Span, unit: float, face: Material
 ) -> None:
-    """A control panel before x = 0, hinged at its upper edge, that swings up to face the user."""
+    """Add a control panel (metres) in front of x = 0, hinged at its upper edge, that tilts up to
+    face the user."""
     y0, y1, z0, z1 = span
     shape, back = Shape(), -0.3 * unit
     thick = float(rng.uniform(1.5, 2.6)) * unit

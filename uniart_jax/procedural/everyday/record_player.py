@@ -1,5 +1,5 @@
-"""Players of sound: turntables with a platter, a tone arm and a dust cover; gramophones with a
-horn; the other kinds are in ``music_players``."""
+"""Turntables with a platter, a tone arm and a dust cover; gramophones with a horn. The family's
+music boxes and radios are in ``music_players``."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ from uniart_jax.procedural.shapes import (
 
 
 def build(rng: np.random.Generator) -> ArticulatedObject:
-    """A player, metres; its arm parked; a dust cover closed, or open as its owner left it."""
+    """A music player in metres, its arm parked; a dust cover or lid may be open at rest."""
     kind = rng.choice(4, p=[0.46, 0.12, 0.14, 0.28])
     obj = (_turntable, _gramophone, musical_box, radio)[kind](rng).object()
     opened = np.zeros(len(obj.parts))
@@ -136,7 +136,7 @@ def _feet(depth: float, half: float, legs: float, unit: float) -> Manifold:
 
 
 def _platter(rng, asm: Assembly, parent: int, at, radius: float, unit: float) -> float:
-    """A turning disc, mostly with a record on it; returns how high it reaches."""
+    """Add a turning disc, mostly with a record on it; returns the height of its top."""
     x, y, z = at
     thick = float(rng.uniform(1.4, 4)) * unit
     low = z + 0.3 * unit
@@ -159,7 +159,8 @@ def _platter(rng, asm: Assembly, parent: int, at, radius: float, unit: float) ->
 
 
 def _arm(rng, asm: Assembly, parent: int, spots, z: float, over: float, unit: float) -> float:
-    """A tone arm parked along the right edge, that turns over the record; its highest point."""
+    """Add a tone arm, parked along the right edge, that turns over the record; returns its highest
+    point."""
     (px, py), centre, radius, reach = spots
     tone = materials.metal(rng, brushed=False) if rng.random() < 0.6 else materials.dark(rng)
     high, r = over + float(rng.uniform(2.5, 5)) * unit, 1.2 * unit
@@ -188,7 +189,7 @@ def _arm(rng, asm: Assembly, parent: int, spots, z: float, over: float, unit: fl
 
 
 def _cover(rng, asm: Assembly, root: int, plan, depth: float, z, top, tone, unit: float) -> None:
-    """A hollow cover hinged behind: of clear or smoky plastic, or as the case."""
+    """Add a hollow cover hinged at the rear, of clear or smoky plastic or of the case's finish."""
     wall, low = 1.6 * unit, z + 0.6 * unit
     inner = inset(plan, wall)
     shell = extrusion(plan, "z", [depth / 2, 0, low], top + wall - low)

@@ -1,4 +1,4 @@
-"""Dispensers of paper and of tape, on rolls that turn."""
+"""Dispensers of paper and tape on rolls that turn, in metres."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from uniart_jax.procedural.shapes import (
 
 
 def roll(rng: np.random.Generator) -> ArticulatedObject:
-    """Paper on a roll that turns, on a wall or a stand, under a cover hinged behind or in the
+    """A roll of paper that turns, on a wall or a stand (metres), under a hinged cover or in the
     open."""
     radius, wide = float(rng.uniform(0.05, 0.11)), float(rng.uniform(0.1, 0.26))
     unit = max(2.4 * radius, wide) / 100
@@ -70,7 +70,8 @@ def roll(rng: np.random.Generator) -> ArticulatedObject:
 
 
 def tape(rng: np.random.Generator) -> ArticulatedObject:
-    """A heavy foot with two cheeks, a reel of tape between them, a blade in front."""
+    """A tape dispenser in metres: a heavy foot with two cheeks, a reel between them, a blade in
+    front."""
     radius = float(rng.uniform(0.03, 0.055))
     wide = radius * float(rng.uniform(0.45, 1.0))
     unit = radius / 30

@@ -1,4 +1,5 @@
-"""Bird houses, bread boxes and key cabinets, which open as letter boxes do."""
+"""Bird houses, bread boxes and key cabinets, which open as letter boxes do. Lengths are in
+metres."""
 
 from __future__ import annotations
 
@@ -32,7 +33,7 @@ from uniart_jax.procedural.shapes import (
 
 
 def bird_house(rng) -> Assembly:
-    """A bird house: a front that swings, or a roof hinged behind."""
+    """A bird house in metres: a front that swings, or a roof hinged at the rear."""
     wide = float(rng.uniform(0.14, 0.24))
     high, deep = wide * float(rng.uniform(1.2, 1.8)), wide * float(rng.uniform(0.8, 1.15))
     base = high * float(rng.choice([0.0, rng.uniform(0.7, 1.6)], p=[0.6, 0.4]))
@@ -102,7 +103,8 @@ def bird_house(rng) -> Assembly:
 
 
 def bread_box(rng) -> Assembly:
-    """A bread box: a roll top that turns back under the roof, or a flap; a drawer below."""
+    """A bread box in metres: a roll top that turns back under the roof, or a flap; a drawer
+    below."""
     wide = float(rng.uniform(0.32, 0.5))
     r = wide * float(rng.uniform(0.26, 0.36))
     unit, half = wide / 100, wide / 2
@@ -206,7 +208,8 @@ def bread_box(rng) -> Assembly:
 
 
 def key_cabinet(rng) -> Assembly:
-    """A shallow cabinet for keys or medicine: one door or two, hooks and a shelf inside."""
+    """A shallow cabinet for keys or medicine, in metres: one or two doors, hooks and a shelf
+    inside."""
     wide = float(rng.uniform(0.2, 0.4))
     high, deep = wide * float(rng.uniform(0.8, 1.5)), wide * float(rng.uniform(0.2, 0.4))
     unit, half, wall = max(wide, high) / 100, wide / 2, 0.035 * wide

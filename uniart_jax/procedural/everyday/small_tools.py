@@ -1,4 +1,4 @@
-"""Nail clippers, folding rulers and hole punches; finishes and poses of small tools."""
+"""Nail clippers, folding rulers and hole punches, as parts in metres; finishes of small tools."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import numpy as np
 from uniart_jax.procedural import materials
 from uniart_jax.procedural.materials import Material, plain
 from uniart_jax.procedural.shapes import (
+    PartSpec,
     Shape,
     box,
     cylinder,
@@ -22,7 +23,7 @@ from uniart_jax.procedural.shapes import (
 
 
 def grip_finish(rng: np.random.Generator) -> Material:
-    """Bright plastic, wood, dark plastic, horn or metal."""
+    """Draw the finish of a grip: bright plastic, wood, dark plastic, horn or metal."""
     kind = rng.choice(5, p=[0.42, 0.16, 0.18, 0.1, 0.14])
     if kind == 0:
         return plain(materials.hsv(rng, (0, 1), (0.45, 0.95), (0.4, 0.95)))
@@ -33,8 +34,9 @@ def grip_finish(rng: np.random.Generator) -> Material:
     return plain(rng.uniform(0.7, 0.95, 3)) if kind == 3 else materials.metal(rng, brushed=False)
 
 
-def clippers(rng: np.random.Generator) -> list[tuple]:
-    """Two sprung arms, a lever on a pin that turns about, a file about the rivet between them."""
+def clippers(rng: np.random.Generator) -> list[PartSpec]:
+    """The parts of nail clippers (metres): two sprung arms, a lever that turns about a pin, a file
+    between the arms."""
     length = float(rng.uniform(0.055, 0.09))
     unit = length / 100
     wide, spread = float(rng.uniform(17, 27)) * unit, float(rng.uniform(6, 10))
@@ -67,7 +69,7 @@ def clippers(rng: np.random.Generator) -> list[tuple]:
         "z", [29 * unit, 0, -spread * unit], top + spread * unit, 3 * unit, segments=14
     )
     steel = materials.metal(rng, brushed=False)
-    parts = [("arms", Shape().add(tidy(body), steel), -1, None)]
+    parts: list[PartSpec] = [("arms", Shape().add(tidy(body), steel), -1, None)]
     rise, start = float(rng.uniform(2, 12)), float(rng.uniform(-48, -34))
     side = np.array([[0, 36], [0, 20], [rise, start], [rise + 3.5, start], [4, 20], [5, 36]]) * unit
     lever = extrusion(side, "y", [0, -wide / 2, 0], wide).translate((0, 0, top + 0.4 * unit))
@@ -88,8 +90,8 @@ def clippers(rng: np.random.Generator) -> list[tuple]:
     return parts
 
 
-def ruler(rng: np.random.Generator) -> list[tuple]:
-    """A folding ruler: three to seven limbs in a zigzag, stacked."""
+def ruler(rng: np.random.Generator) -> list[PartSpec]:
+    """The parts of a folding ruler (metres): three to seven limbs, stacked in a zigzag."""
     length, count = float(rng.uniform(0.12, 0.26)), int(rng.integers(3, 8))
     unit = length / 100
     wide, thick, air = float(rng.uniform(8, 15)) * unit, float(rng.uniform(3, 5)) * unit, 0.4 * unit
@@ -118,8 +120,9 @@ def ruler(rng: np.random.Generator) -> list[tuple]:
     return parts
 
 
-def punch(rng: np.random.Generator) -> list[tuple]:
-    """A hole punch: a lever about a pin at the rear over two punches, a guide that slides out."""
+def punch(rng: np.random.Generator) -> list[PartSpec]:
+    """The parts of a hole punch (metres): a lever about a pin at the rear over two punches, and a
+    guide that slides out."""
     depth = float(rng.uniform(0.08, 0.13))
     unit, wide = depth / 100, depth * float(rng.uniform(0.5, 1.25))
     base, air, wall = float(rng.uniform(5, 12)) * unit, 0.5 * unit, float(rng.uniform(3, 5)) * unit
@@ -144,12 +147,12 @@ def punch(rng: np.random.Generator) -> list[tuple]:
         for s in (-1, 1)
     ]
     shape = Shape()
+    u, low = -0.32 * depth, base - 3.2 * unit
+    g = float(rng.uniform(6, 9)) * unit if guide else 0.0  # the width of the guide's bar
     if guide:
-        g = float(rng.uniform(6, 9)) * unit
-        u, low = -0.32 * depth, base - 3.2 * unit
         body -= box([u - air, -1, low - air], [u + g + air, 1, 1])
     shape.add(tidy(body), tone).add(union(posts), steel)
-    parts = [("base", shape, -1, None)]
+    parts: list[PartSpec] = [("base", shape, -1, None)]
     near, t = float(rng.uniform(0.42, 0.62)) * depth, float(rng.uniform(3, 6)) * unit
     knuckle = cylinder("y", [x, -arm, z], 2 * arm, 4.5 * unit, segments=18)
     slab = box([-near, -arm, z - 0.3 * unit], [x, arm, z + t])

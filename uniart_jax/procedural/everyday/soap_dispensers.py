@@ -1,4 +1,4 @@
-"""Dispensers of soap, on walls and tables, and trigger sprays."""
+"""Soap dispensers for walls and tables, and trigger sprays, in metres."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from uniart_jax.procedural.shapes import (
 
 def _case(rng, depth: float, half: float, low: float, high: float, back: float = 0.0) -> Manifold:
     """A case from x = ``back`` - ``depth`` to ``back``: rounded as seen from above, the front or a
-    side, or narrower above or below."""
+    side, or tapered."""
     manner = rng.choice(4)
     corner = float(rng.uniform(0.05, 0.45)) * min(depth, half)
     x, z = back - depth / 2, (low + high) / 2
@@ -59,8 +59,8 @@ def _case(rng, depth: float, half: float, low: float, high: float, back: float =
 
 
 def wall_soap(rng: np.random.Generator) -> ArticulatedObject:
-    """A case on a wall or a stand: a cover hinged above or at a side, a push bar or a lever
-    below it."""
+    """A soap dispenser on a wall or a stand (metres): a cover hinged at the top or a side, a push
+    bar or a lever below it."""
     height = float(rng.uniform(0.18, 0.32))
     half, depth = height * float(rng.uniform(0.2, 0.38)), height * float(rng.uniform(0.3, 0.6))
     unit = height / 100
@@ -122,7 +122,8 @@ def wall_soap(rng: np.random.Generator) -> ArticulatedObject:
 
 
 def pump(rng: np.random.Generator) -> ArticulatedObject:
-    """A low, broad pot of soap, its pump head pressed down; some with a caddy for a sponge."""
+    """A low, broad soap pot in metres with a pump head that is pressed down; some have a tray for a
+    sponge."""
     width = float(rng.uniform(0.07, 0.12))
     height = width * float(rng.uniform(0.5, 1.05))
     unit = width / 60
@@ -165,8 +166,8 @@ def pump(rng: np.random.Generator) -> ArticulatedObject:
 
 
 def spray(rng: np.random.Generator) -> ArticulatedObject:
-    """A trigger spray: a flat or tapered tank, a head with a trigger in front, a nozzle that
-    turns."""
+    """A trigger spray in metres: a flat or tapered tank, a head with a trigger in front, and a
+    nozzle that turns."""
     height = float(rng.uniform(0.12, 0.2))
     unit = height / 70
     half = height * float(rng.uniform(0.25, 0.4))

@@ -1,4 +1,4 @@
-"""Display racks whose tiers spin round a post."""
+"""Display racks whose tiers spin around a post."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ from uniart_jax.procedural.shapes import (
 
 
 def spinning_rack(rng: np.random.Generator) -> ArticulatedObject:
-    """Tiers that spin round a post: shelves with jars, pockets with cards, hooks, or a case for
-    books."""
+    """A display rack in metres whose tiers spin around a post: shelves with jars, pockets with
+    cards, hooks, or a case for books."""
     tall = rng.random() < 0.5
     high = float(rng.uniform(1.0, 1.7)) if tall else float(rng.uniform(0.15, 0.5))
     radius = high * (float(rng.uniform(0.13, 0.25)) if tall else float(rng.uniform(0.25, 0.7)))
@@ -67,7 +67,8 @@ def spinning_rack(rng: np.random.Generator) -> ArticulatedObject:
 
 
 def _draw_tier(rng, kind, radius, low, high, hole, sides, unit, tone) -> list:
-    """One tier round a post in a ``hole``, from ``low`` up, ``high`` in all: solids, materials."""
+    """The solids and materials of one tier around a post of radius ``hole``: it begins at z =
+    ``low`` and is ``high`` tall."""
     sleeve = tube("z", [0, 0, low], high, hole + 1.5 * unit, hole, 20)
     thick = 1.5 * unit
     if kind == "hooks":

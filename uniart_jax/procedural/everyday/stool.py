@@ -1,5 +1,5 @@
-"""Stools without a back whose seat turns, screws up or lifts off a box, step stools whose treads
-fold, and low stands that turn: lazy susans, turntables, cake stands with a dome."""
+"""Stools whose seat turns, screws up or opens; step stools whose treads fold. Low stands that turn
+are in ``turning_stand``."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ X, Y, Z = np.eye(3)
 
 
 def build(rng: np.random.Generator) -> ArticulatedObject:
-    """A stool or a stand that turns, metres, low and shut."""
+    """A stool or a turning stand in metres, lowered and closed."""
     kind = rng.choice(["swivel", "steps", "chest", "stand"], p=[0.52, 0.18, 0.1, 0.2])
     make = {"swivel": _swivel, "steps": _steps, "chest": _chest, "stand": turning_stand}
     return make[str(kind)](rng)
 
 
 def _swivel(rng: np.random.Generator) -> ArticulatedObject:
-    """A seat on legs or a pedestal that turns, winds up on a spindle, or turns and lifts."""
+    """A seat on legs or a pedestal that turns, screws up on a spindle, or turns and lifts."""
     seat_z = float(rng.choice([rng.uniform(0.38, 0.52), rng.uniform(0.56, 0.82)]))
     half = float(rng.uniform(0.14, 0.2))
     thick = float(rng.uniform(0.025, 0.09))
@@ -121,7 +121,7 @@ def _swivel(rng: np.random.Generator) -> ArticulatedObject:
 
 
 def _steps(rng: np.random.Generator) -> ArticulatedObject:
-    """A step stool: a top that is hinged and lifts, and treads that fold up between side frames."""
+    """A step stool: a hinged top that lifts, and treads that fold up between the side frames."""
     width, high = float(rng.uniform(0.32, 0.46)), float(rng.uniform(0.4, 0.75))
     count = 1 if high < 0.55 else int(rng.choice([1, 2]))
     deep, board = float(rng.uniform(0.2, 0.28)), float(rng.uniform(0.018, 0.03))
@@ -185,7 +185,7 @@ def _steps(rng: np.random.Generator) -> ArticulatedObject:
 
 
 def _chest(rng: np.random.Generator) -> ArticulatedObject:
-    """A box to sit on whose cushion opens, an ottoman or a kick stool with a drum that sinks."""
+    """A box seat: an ottoman whose cushion opens, or a kick stool with a drum that sinks."""
     if rng.random() < 0.35:  # a kick step: a drum on a base in which it sinks when stood on
         r, high = float(rng.uniform(0.16, 0.2)), float(rng.uniform(0.33, 0.44))
         tone, rubber = plain(rng.uniform(0.1, 0.85, 3)), materials.dark(rng)

@@ -1,4 +1,4 @@
-"""Parts of stools and stands: seats, legs, pedestals, and their finishes."""
+"""Parts of stools and stands: seats, legs, pedestals and their finishes. Lengths are in metres."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ Pieces = list[tuple[Manifold, Material]]
 
 
 def solid_shape(pieces: Pieces) -> Shape:
-    """A shape of pieces that may overlap; what comes later gives way."""
+    """A shape of pieces that may overlap; the later ones are cut."""
     return shape_of(disjoint(pieces, tidied=1e-5))
 
 
 def frame_finish(rng: np.random.Generator) -> Material:
-    """Wood, steel, black, or painted metal."""
+    """Draw the finish of a frame: wood, steel, black or painted metal."""
     kind = rng.choice(4, p=[0.4, 0.26, 0.16, 0.18])
     if kind == 0:
         return materials.wood(rng)
@@ -39,7 +39,7 @@ def frame_finish(rng: np.random.Generator) -> Material:
 
 
 def seat_finish(rng: np.random.Generator) -> Material:
-    """Wood, leather, cloth or plastic of any colour."""
+    """Draw the finish of a seat: wood, leather, cloth or plastic of any colour."""
     kind = rng.choice(4, p=[0.4, 0.2, 0.28, 0.12])
     if kind == 0:
         return materials.wood(rng)
@@ -49,7 +49,8 @@ def seat_finish(rng: np.random.Generator) -> Material:
 
 
 def seat_on(rng, plan: str, half: float, z: float, thick: float, main, trim) -> Pieces:
-    """A seat about z with its foot at ``z``: round, square, a saddle or a tractor's."""
+    """A seat about the z axis with its underside at ``z`` (metres): round, square, a saddle or a
+    tractor seat."""
     if plan == "round":
         kind = str(rng.choice(["flat", "cushion", "dish"], p=[0.35, 0.45, 0.2]))
         board = 0.3 * thick
@@ -85,8 +86,8 @@ def _wire_ring(z: float, radius: float, wire: float, segments: int) -> Manifold:
 
 
 def legs_under(rng, high: float, top: float, spread: float, r: float, finish, ring) -> Pieces:
-    """Three or four legs from the floor to ``high``, ``top`` and ``spread`` off the middle, with a
-    ring or rails between them."""
+    """Three or four legs (metres) from the floor to ``high``, with a ring or rails between them.
+    They stand ``top`` from the axis at the top and ``spread`` at the floor."""
     count = int(rng.choice([3, 4], p=[0.35, 0.65]))
     start = np.pi / count if rng.random() < 0.5 else 0.0
     angles = start + 2 * np.pi * np.arange(count) / count
@@ -116,7 +117,8 @@ def legs_under(rng, high: float, top: float, spread: float, r: float, finish, ri
 
 
 def pedestal(rng, high: float, size: float, r: float, finish, ring) -> Pieces:
-    """A column on a disc, a dome, a trumpet, a square plate or a cross, often with a foot ring."""
+    """A column (metres) on a disc, a dome, a trumpet, a square plate or a cross, often with a foot
+    ring."""
     kind = str(rng.choice(["disc", "dome", "trumpet", "plate", "cross"]))
     pieces: Pieces = [(cylinder("z", [0, 0, 0.005], high - 0.005, r, segments=22), finish)]
     if kind == "disc":

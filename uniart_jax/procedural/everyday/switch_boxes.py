@@ -1,4 +1,5 @@
-"""Electric boxes on a wall: breaker boxes with a door and levers, isolators with a big handle."""
+"""Electric boxes on a wall, in metres: breaker boxes with a door and levers, isolators with a big
+handle."""
 
 from __future__ import annotations
 
@@ -27,7 +28,7 @@ Y_AXIS, Z_AXIS = (0, 1, 0), (0, 0, 1)
 
 
 def breaker_box(rng: np.random.Generator) -> ArticulatedObject:
-    """Breakers in one or two rows whose levers flick up, behind a door or open."""
+    """A breaker box in metres: one or two rows of levers that flick up, behind a door or open."""
     rows = int(rng.choice([1, 2], p=[0.7, 0.3]))
     width = float(rng.uniform(0.16, 0.4))
     row_h = float(rng.uniform(0.11, 0.17))
@@ -81,7 +82,7 @@ def breaker_box(rng: np.random.Generator) -> ArticulatedObject:
 
 
 def _door(rng, asm: Assembly, root: int, width, height, deep, unit, face: Material) -> None:
-    """A flap or a side door over a case's front, clear or opaque."""
+    """Add a flap or a side door over a case's front, clear or opaque."""
     air, thick = 0.4 * unit, float(rng.uniform(1.5, 3.0)) * unit
     edge = str(rng.choice(["left", "right", "top"], p=[0.4, 0.3, 0.3]))
     less = 0.0 if rng.random() < 0.6 else 1.2 * unit  # a frame about it
@@ -106,7 +107,8 @@ def _door(rng, asm: Assembly, root: int, width, height, deep, unit, face: Materi
 
 
 def isolator(rng: np.random.Generator) -> ArticulatedObject:
-    """A box with a big switch: a handle on its side, a turning handle in front, or push buttons."""
+    """An isolator in metres: a box with a handle on its side, a turning handle in front, or push
+    buttons."""
     width, height = float(rng.uniform(0.08, 0.22)), float(rng.uniform(0.1, 0.32))
     deep = float(rng.uniform(0.4, 0.8)) * min(width, height)
     unit = max(width, height, deep) / 100

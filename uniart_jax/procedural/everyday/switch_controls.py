@@ -1,9 +1,9 @@
-"""Controls of wall switches: rockers, toggles, dials, sliders, push buttons, sockets, flaps; and
+"""Controls of wall switches: rockers, toggles, dials, sliders, push buttons, sockets and flaps; and
 finishes of switches.
 
-Each function makes one control at a point of a face x = const, in a gang ``size`` wide and ``tall``
-high over a box ``deep``: the holes to cut, the fixed pieces, and the moving parts (name, pieces,
-joint).
+Each control sits at a point of a face x = const, in a gang ``size`` wide and ``tall`` high, over a
+box ``deep`` metres deep. Its function returns the holes to cut, the fixed pieces and the moving
+parts (name, pieces, joint), in metres.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ Y_AXIS, Z_AXIS = (0, 1, 0), (0, 0, 1)
 
 
 def switch_finish(rng: np.random.Generator) -> Material:
-    """White, cream, dark, steel, brass, wood, or a colour."""
+    """Draw a finish: white, cream, dark, steel, brass, wood or a colour."""
     kind = rng.choice(6, p=[0.36, 0.14, 0.14, 0.14, 0.08, 0.14])
     if kind == 0:
         return materials.white_plastic(rng)
@@ -48,7 +48,7 @@ def switch_finish(rng: np.random.Generator) -> Material:
 def rounded_block(
     width: float, height: float, corner: float, x0: float, x1: float, y, z
 ) -> Manifold:
-    """A block with rounded corners between two planes x = const, about (y, z)."""
+    """A block (metres) with rounded corners between the planes ``x0`` and ``x1``, about (y, z)."""
     return extrusion(rounded(width, height, corner), "x", [x0, y, z], x1 - x0)
 
 
@@ -62,7 +62,7 @@ def _wedge(w: float, h: float, x, stand: float, back: float, way: int, at) -> Ma
 
 
 def _key(rng, at, w: float, h: float, size: float, deep: float, tone, accent, way: int):
-    """A rocker about a level axis through its middle: its hole, and the part."""
+    """A rocker about a horizontal axis through its middle: its hole, and the part."""
     x, y, z = at
     stand = min(size * float(rng.uniform(0.1, 0.16)), 0.3 * h)
     back, air = 0.25 * deep, 0.012 * size
@@ -184,7 +184,8 @@ def _slider(rng, at, size, tall, deep, tone, accent):
 
 
 def push_button(rng, at, size, tall, deep, tone, accent):
-    """A push button, round, square or a red mushroom, in a ring."""
+    """A push button in a ring (metres), round, square or a red mushroom: holes, fixed pieces,
+    moving parts."""
     x, y, z = at
     r, stand = size * float(rng.uniform(0.16, 0.42)), size * float(rng.uniform(0.08, 0.25))
     go = min(0.7 * stand, 0.5 * deep)

@@ -23,8 +23,8 @@ from uniart_jax.procedural.shapes import (
 
 
 def tripod(rng: np.random.Generator) -> ArticulatedObject:
-    """A telescope, a camera or a lamp that pans and tilts on three legs; at times the column slides
-    or the legs fold."""
+    """A telescope, a camera or a lamp in metres that pans and tilts on three legs. At times the
+    column slides or the legs fold."""
     low_one = rng.random() < 0.3
     apex = float(rng.uniform(0.12, 0.25)) if low_one else float(rng.uniform(0.4, 0.9))
     size = float(rng.uniform(0.07, 0.12)) if low_one else float(rng.uniform(0.14, 0.26))
@@ -106,8 +106,8 @@ def tripod(rng: np.random.Generator) -> ArticulatedObject:
 
 
 def _draw_device(rng, size, z, unit, finish, metal, dark) -> tuple[Shape, tuple | None]:
-    """A device above the plane ``z``, looking along -x, and a part of it that moves: (name, shape,
-    joint)."""
+    """A device above the plane ``z`` that looks along -x, and its moving part if it has one: (name,
+    shape, joint)."""
     shape = Shape()
     air = 0.4 * unit
     kind = str(rng.choice(["telescope", "camera", "lamp"], p=[0.42, 0.33, 0.25]))

@@ -1,4 +1,5 @@
-"""Vessels as outlines at rising heights: bodies, hollows and grips of jars, mills and lids."""
+"""Vessels as outlines at rising heights: bodies, hollows and grips of jars, mills and lids. Lengths
+are in metres."""
 
 from __future__ import annotations
 
@@ -23,13 +24,14 @@ Rows = list[tuple[np.ndarray, float]]  # radii at ANGLES and a height
 
 
 def stack(rows: Rows) -> Manifold:
-    """The body through outlines at rising heights."""
+    """The solid through the outlines of ``rows`` (metres), at rising heights."""
     circle = np.column_stack([np.cos(ANGLES), np.sin(ANGLES)])
     return through([radii[:, None] * circle for radii, _ in rows], [z for _, z in rows])
 
 
 def plan_of(rng: np.random.Generator, circle: float) -> np.ndarray:
-    """Radii of a plan about 1 in size: a circle, a polygon, a rounded square or oblong, an oval."""
+    """Radii at ``ANGLES`` of a plan about 1 in radius, without units: a circle with the probability
+    ``circle``, else a polygon, a rounded square or oblong, or an oval."""
     kind = rng.choice(4, p=[circle, *(1 - circle) * np.array([0.35, 0.45, 0.2])])
     if kind == 0:
         return ROUND
@@ -43,7 +45,7 @@ def plan_of(rng: np.random.Generator, circle: float) -> np.ndarray:
 
 
 def profile(rng: np.random.Generator, plan: np.ndarray, low: float, high: float) -> Rows:
-    """Outlines of a body between two heights: straight, bellied, tapered or waisted."""
+    """Outlines of a body between two heights (metres): straight, bellied, tapered or waisted."""
     t = np.linspace(0, 1, 9)
     s = float(rng.uniform(0.08, 0.3))
     shapes = [
@@ -64,7 +66,7 @@ def profile(rng: np.random.Generator, plan: np.ndarray, low: float, high: float)
 
 
 def radii_at(rows: Rows, z: float) -> np.ndarray:
-    """The radii at a height."""
+    """The radii at the height ``z``, metres."""
     heights = [h for _, h in rows]
     k = int(np.clip(np.searchsorted(heights, z), 1, len(rows) - 1))
     share = (z - heights[k - 1]) / (heights[k] - heights[k - 1])
@@ -72,14 +74,14 @@ def radii_at(rows: Rows, z: float) -> np.ndarray:
 
 
 def hollow(rows: Rows, wall: float, floor: float) -> Manifold:
-    """The inside of a body above ``floor``, open at its top."""
+    """The inside of a body above z = ``floor`` (metres), open at its top."""
     inside = [(radii_at(rows, floor) - wall, floor)]
     inside += [(r - wall, z) for r, z in rows if z > floor + 1e-4]
     return stack([*inside, (inside[-1][0], rows[-1][1] + wall)])
 
 
 def finish(rng: np.random.Generator) -> Material:
-    """Glazed clay, enamel, bright plastic, metal or wood."""
+    """Draw a finish: glazed clay, enamel, bright plastic, metal or wood."""
     kind = rng.choice(5, p=[0.3, 0.15, 0.25, 0.2, 0.1])
     if kind == 0:
         return plain(materials.hsv(rng, (0, 1), (0.05, 0.6), (0.3, 0.95)))
@@ -91,7 +93,7 @@ def finish(rng: np.random.Generator) -> Material:
 
 
 def grip(rng, z: float, room: float, metal: Material) -> tuple[Manifold, float]:
-    """A sleeve on the middle of a lid at height ``z``, and its height."""
+    """A grip on the middle of a lid at height ``z``, and the grip's height (metres)."""
     r = float(rng.uniform(0.16, 0.32)) * room
     kind = str(rng.choice(["ball", "button", "bar", "ring"]))
     if kind == "ball":

@@ -1,4 +1,4 @@
-"""Mirrors, boards, hour glasses and drums that turn between two posts."""
+"""Mirrors, boards, hourglasses and drums that turn between two posts."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ from uniart_jax.procedural.shapes import (
 
 
 def framed(rng: np.random.Generator) -> ArticulatedObject:
-    """A mirror, a board, an hour glass or a drum with a crank, which turns about y between two
-    posts."""
+    """A mirror, a board, an hourglass or a drum with a crank, in metres, that turns about y between
+    two posts."""
     kind = str(rng.choice(["mirror", "board", "glass", "drum"], p=[0.42, 0.24, 0.17, 0.17]))
     half, tall = float(rng.uniform(0.1, 0.18)), float(rng.uniform(0.1, 0.2))
     if kind == "mirror" and rng.random() < 0.4:
@@ -75,12 +75,14 @@ def framed(rng: np.random.Generator) -> ArticulatedObject:
         frame = tidy(union([*solids, bar]) - (shaft if kind == "drum" else Manifold()))
         stand.add(frame, finish)
     drawer = not hooped and kind == "mirror" and tall < 0.4 and rng.random() < 0.5
-    if drawer:  # a chest with a drawer below the mirror
+    d, h = 0.0, 0.0  # half the depth and the height of a chest below the mirror
+    if drawer:
         d = float(rng.uniform(0.4, 0.6)) * half + spread
         h = float(rng.uniform(0.25, 0.4)) * tall + 6 * unit
+    near = np.array([-d, -0.9 * y, -0.85 * h])  # two corners of the chest's drawer
+    far = np.array([0.8 * d, 0.9 * y, -0.15 * h])
+    if drawer:
         chest = box([-d, -y - wall, -h], [d, y + wall, 0])
-        near = np.array([-d, -0.9 * y, -0.85 * h])
-        far = np.array([0.8 * d, 0.9 * y, -0.15 * h])
         stand.add(chest - box(near - [1, air, air], far + air), finish)
     for s in (-1, 1):
         lo = s * (y + wall) if s > 0 else -y - wall - 1.5 * unit
@@ -117,8 +119,8 @@ def framed(rng: np.random.Generator) -> ArticulatedObject:
 def _draw_content(
     rng, kind, half, tall, round_one, unit, finish, metal
 ) -> tuple[list, float, float]:
-    """Solids, with their materials, of what turns about y through 0, ``half`` to each side; how
-    far it reaches from the axis, and its half depth."""
+    """What turns about y through 0, ``half`` to each side. Returns its solids with their materials,
+    how far it reaches from the axis, and half its depth."""
     pieces: list[tuple[Manifold, Material]] = []
     if kind in ("mirror", "board"):
         deep, rim = float(rng.uniform(1, 2)) * unit, float(rng.uniform(2, 6)) * unit

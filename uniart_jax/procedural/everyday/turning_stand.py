@@ -1,4 +1,4 @@
-"""Low stands that turn: lazy susans, turntables for jars, cake stands with a dome."""
+"""Low stands that turn: lazy Susans, turntables for jars, cake stands with a dome."""
 
 from __future__ import annotations
 
@@ -26,7 +26,8 @@ EXTRAS = ("none", "tier", "dome", "jars", "grip")
 
 
 def turning_stand(rng: np.random.Generator) -> ArticulatedObject:
-    """A plate that turns on a foot: one or two tiers, a rim, a knob or a handle, a dome to lift."""
+    """A plate in metres that turns on a foot: one or two tiers, a rim, a knob or a handle, a dome
+    that lifts off."""
     r = float(rng.uniform(0.12, 0.24))
     steel, tone = materials.metal(rng, brushed=False), plain(rng.uniform(0.15, 0.95, 3))
     white = materials.white_plastic(rng)
@@ -87,7 +88,7 @@ def turning_stand(rng: np.random.Generator) -> ArticulatedObject:
 
 
 def _add_dome(rng, asm: Assembly, table: int, r: float, top: float, knob_finish: Material) -> None:
-    """A clear or metal dome that lifts off a plate of radius ``r``."""
+    """Add a clear or metal dome that lifts off a plate of radius ``r``."""
     wide, tone = r * float(rng.uniform(0.78, 0.9)), materials.glass(rng)
     if rng.random() < 0.3:
         tone = materials.metal(rng, brushed=False)

@@ -1,5 +1,5 @@
 """Valves on pipes: hand wheels that turn or screw, levers with a quarter turn, pressure gauges with
-a needle; on straight pipes, elbows, tees and manifolds, and hydrants with screwed caps."""
+a needle; on straight pipes, elbows, tees and manifolds. Hydrants with screwed caps."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ X, Y, Z = np.eye(3)
 
 
 def build(rng: np.random.Generator) -> ArticulatedObject:
-    """Pipes with valves, metres, shut or open as the lever stands."""
+    """Pipes with valves in metres; each valve is open or closed as its lever shows."""
     radius = float(rng.uniform(0.012, 0.07))
     look = draw_look(rng)
     kind = str(rng.choice(["run", "manifold", "hydrant"], p=[0.73, 0.17, 0.1]))
@@ -52,12 +52,12 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
 
 
 def _shape(pieces: Pieces) -> Shape:
-    """A shape of pieces that may overlap; what comes later gives way."""
+    """A shape of pieces that may overlap; the later ones are cut."""
     return shape_of((tidy(solid), material) for solid, material in disjoint(pieces))
 
 
 def _couplings(look: Look, r: float, half: float) -> Pieces:
-    """What joins a valve, ``half`` long to each side, to its pipe."""
+    """What joins a valve, which reaches ``half`` to each side, to its pipe."""
     return [
         (solid.translate((0, way * (half + 0.1 * r), 0)), material)
         for way in (-1, 1)
@@ -66,7 +66,7 @@ def _couplings(look: Look, r: float, half: float) -> Pieces:
 
 
 def _pipe_run(rng, look: Look, r: float) -> Works:
-    """One or two valves on a pipe along y, a gauge, a tee; then laid level, or stood up."""
+    """One or two valves on a pipe along y, a gauge, a tee; then laid level or stood up."""
     works, y, behind, start = Works(), 0.0, 0.0, 0.0
     stood = str(rng.choice(["up", "front", "tilted", "upright"], p=[0.45, 0.15, 0.15, 0.25]))
     items = ["valve"] * int(rng.choice([1, 2], p=[0.75, 0.25]))

@@ -1,4 +1,5 @@
-"""Valves on a pipe: bodies with bonnets, stems, yokes and gear boxes, hand wheels and levers."""
+"""Valves on a pipe: bodies with bonnets, stems, yokes and gear boxes; hand wheels and levers.
+Lengths are in metres."""
 
 from __future__ import annotations
 
@@ -29,7 +30,7 @@ X, Y, Z = np.eye(3)
 
 
 def hand_wheel(rng, look: Look, grip: Material, radius: float, z: float) -> Pieces:
-    """A hand wheel about the z axis, its hub's foot at ``z``."""
+    """A hand wheel of ``radius`` metres about the z axis, the underside of its hub at ``z``."""
     wire, hub = radius * float(rng.uniform(0.09, 0.14)), 0.24 * radius
     high = z + wire + (0.28 * radius if look.wheel == "dished" else 0.05 * radius)
     boss = cylinder("z", [0, 0, z], 0.3 * radius, hub, 0.85 * hub)
@@ -63,7 +64,7 @@ def hand_wheel(rng, look: Look, grip: Material, radius: float, z: float) -> Piec
 
 
 def lever_handle(rng, look: Look, grip: Material, r: float, long: float, z: float) -> Pieces:
-    """A lever from the z axis towards +y, its hub's foot at ``z``."""
+    """A lever (metres) from the z axis towards +y, the underside of its hub at ``z``."""
     thick, half = 0.2 * r, 0.38 * r
     hub = cylinder("z", [0, 0, z], 0.5 * r, 0.6 * r)
     nut = cylinder("z", [0, 0, z + 0.5 * r], 0.25 * r, 0.36 * r, segments=6)
@@ -98,10 +99,11 @@ def lever_handle(rng, look: Look, grip: Material, r: float, long: float, z: floa
 
 
 def valve_on_pipe(rng, look: Look, r: float, grip: Material, kind: str, room: float):
-    """A valve on a pipe along y, its stem along +z: works, half its length, reach along +y and -y.
+    """A valve (metres) on a pipe along y, its stem along +z. Returns its works, half its length,
+    and its reach along +y and -y.
 
     ``kind``: 'gate', 'globe' or 'needle' with a wheel, 'ball' or 'wafer' with a lever, 'gear' with
-    a wheel beside it; ``room``: the most that wheels and levers may reach.
+    a wheel beside it. ``room``: how far wheels and levers may reach at most.
     """
     half = r * float(rng.uniform(2.0, 3.0))
     clear = 2.0 * r if look.joint == "flange" else 1.6 * r
@@ -111,7 +113,8 @@ def valve_on_pipe(rng, look: Look, r: float, grip: Material, kind: str, room: fl
 
 
 def _wheel_valve(rng, look: Look, r: float, grip: Material, kind: str, room: float, half, clear):
-    """A gate, globe or needle valve: its wheel turns, winds its stem out, or lifts a stem."""
+    """A gate, globe or needle valve. Its wheel turns, screws its stem out, or turns in a yoke
+    beside a rising stem."""
     works = Works()
     neck = r * float(rng.uniform(2.2, 3.2))
     if kind == "gate":
@@ -197,13 +200,13 @@ def _quarter_turn_valve(rng, look: Look, r: float, grip: Material, kind: str, ro
 
 
 def _hull_of_discs(discs) -> Manifold:
-    """The convex hull of thin discs: axis, place on it, radius."""
+    """The convex hull of thin discs (axis, place on the y axis, radius)."""
     return union([cylinder(a, at * Y, 1e-3, r) for a, at, r in discs]).hull()
 
 
 def _yoke(rng, works: Works, look: Look, r: float, top: float, size: float, wheel, gap) -> Manifold:
-    """Two columns and a bridge, a wheel on it, and a stem through the wheel that rises; returns
-    the stem's bore."""
+    """Add two columns, a bridge with a wheel on it, and a stem that rises through the wheel;
+    returns the stem's bore."""
     high, stem = 1.3 * r + gap, 0.3 * min(r, 0.5 * size)
     for s in (-0.75, 0.75):
         column = box([s * r - 0.2 * r, -0.3 * r, top - r], [s * r + 0.2 * r, 0.3 * r, top + high])

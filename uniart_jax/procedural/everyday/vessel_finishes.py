@@ -11,12 +11,13 @@ from uniart_jax.procedural.materials import Material, plain
 
 
 def _copper(rng: np.random.Generator) -> Material:
-    """From red to pale copper."""
+    """Draw a copper finish, from red to pale."""
     return plain(materials.hsv(rng, (0.02, 0.12), (0.45, 0.7), (0.5, 0.8)))
 
 
 def kettle_finish(rng: np.random.Generator) -> Material:
-    """Steel, enamel or plastic of any colour, white, black, copper, glass."""
+    """Draw the finish of a kettle: steel, enamel or plastic of any colour, white, black, copper or
+    glass."""
     kind = rng.choice(6, p=[0.28, 0.28, 0.14, 0.14, 0.08, 0.08])
     if kind == 1:
         return plain(materials.hsv(rng, (0, 1), (0.3, 0.9), (0.35, 0.9)))
@@ -27,7 +28,7 @@ def kettle_finish(rng: np.random.Generator) -> Material:
 
 
 def pot_finish(rng: np.random.Generator) -> Material:
-    """Steel, enamel, cast iron, copper, aluminium, earthenware."""
+    """Draw the finish of a pot: steel, enamel, cast iron, copper, aluminium or earthenware."""
     kind = rng.choice(5, p=[0.36, 0.3, 0.18, 0.09, 0.07])
     if kind == 1:
         return plain(materials.hsv(rng, (0, 1), (0.3, 0.95), (0.35, 0.95)))
@@ -39,7 +40,7 @@ def pot_finish(rng: np.random.Generator) -> Material:
 
 
 def pot_trim(rng: np.random.Generator, face: Material) -> Material:
-    """Handles and knobs: dark, steel, wood, the pot's own or any colour."""
+    """Draw the finish of handles and knobs: dark, steel, wood, the pot's own or any colour."""
     kind = rng.choice(5, p=[0.34, 0.24, 0.14, 0.18, 0.1])
     if kind == 2:
         return materials.wood(rng, textured=False)
@@ -51,7 +52,7 @@ def pot_trim(rng: np.random.Generator, face: Material) -> Material:
 
 
 def dispenser_plastic(rng: np.random.Generator) -> Material:
-    """White, grey, steel, dark or of any colour."""
+    """Draw the finish of a dispenser: white, grey, steel, dark or any colour."""
     kind = rng.choice(5, p=[0.28, 0.2, 0.18, 0.24, 0.1])
     if kind == 3:
         return plain(materials.hsv(rng, (0, 1), (0.35, 0.95), (0.4, 0.95)))
@@ -60,19 +61,19 @@ def dispenser_plastic(rng: np.random.Generator) -> Material:
 
 
 def dispenser_accent(rng: np.random.Generator) -> Material:
-    """Levers and keys: vivid, dark or of metal."""
+    """Draw the finish of levers and keys: a vivid colour, dark or metal."""
     if rng.random() < 0.45:
         return plain(materials.hsv(rng, (0, 1), (0.6, 1), (0.4, 0.95)))
     return materials.dark(rng) if rng.random() < 0.5 else materials.hardware(rng)
 
 
 def clear(rng: np.random.Generator) -> Material:
-    """Glass or clear plastic, tinted as its content is."""
+    """Draw glass or clear plastic, tinted by its contents."""
     if rng.random() < 0.5:
         return materials.glass(rng)
     return plain(materials.hsv(rng, (0, 1), (0.15, 0.5), (0.75, 0.95)))
 
 
 def contrast(tone: Material) -> Material:
-    """White on what is dark, black on what is bright: marks on knobs."""
+    """The finish of marks on knobs: white on a dark ``tone``, black on a bright one."""
     return plain((0.95, 0.95, 0.95) if tone.color[1] < 0.5 else (0.1, 0.1, 0.1))

@@ -1,4 +1,5 @@
-"""Fittings of kettles, pots and dispensers: spouts, curved handles, lids, hinges, knobs."""
+"""Fittings of kettles, pots and dispensers: spouts, curved handles, lids, hinges and knobs. Lengths
+are in metres."""
 
 from __future__ import annotations
 
@@ -12,7 +13,7 @@ from uniart_jax.procedural.shapes import ball, box, cylinder, tidy, union
 
 
 def bezier(points, count: int = 9) -> np.ndarray:
-    """[count, 3] along a Bezier curve of control points."""
+    """Points [count, 3] along the Bezier curve of some control points, in their units."""
     points = np.asarray(points, dtype=np.float64)
     t = np.linspace(0, 1, count)[:, None, None]
     rows = np.broadcast_to(points, (count, *points.shape))
@@ -22,16 +23,16 @@ def bezier(points, count: int = 9) -> np.ndarray:
 
 
 def bow(half: float, rise: float, square: float) -> np.ndarray:
-    """[15, 3] in the plane y = 0 from x = ``half`` over ``rise`` to -``half``; ``square`` below 1
-    widens its shoulders."""
+    """Points [15, 3] of an arch in the plane y = 0 (metres), from x = ``half`` over z = ``rise`` to
+    -``half``. A ``square`` below 1 widens its shoulders."""
     angle = np.linspace(0, np.pi, 15)
     c, s = np.cos(angle), np.round(np.sin(angle), 9)
     return np.column_stack([half * np.sign(c) * np.abs(c) ** square, 0 * c, rise * s**square])
 
 
 def taper(points: np.ndarray, first: float, last: float, flat: float = 1.0) -> Manifold:
-    """A round bar along a polyline, its radius going from ``first`` to ``last``; ``flat``: width in
-    y of its height."""
+    """A round bar along a polyline (metres), its radius going from ``first`` to ``last``. ``flat``
+    scales its width in y."""
     radii = np.linspace(first, last, len(points))
     scaled = np.asarray(points) / [1, flat, 1]
     balls = [ball(p, r, 12) for p, r in zip(scaled, radii, strict=True)]
@@ -40,7 +41,8 @@ def taper(points: np.ndarray, first: float, last: float, flat: float = 1.0) -> M
 
 
 def spout(points: np.ndarray, first: float, last: float) -> tuple[Manifold, np.ndarray]:
-    """A tapering spout with an open mouth, cut at right angles to its end; and its direction."""
+    """A tapering spout (metres) with an open mouth, cut at right angles to its end; and its
+    direction there."""
     way = points[-1] - points[-2]
     way = way / np.linalg.norm(way)
     mouth = np.vstack([points[-2:], points[-1:] + way * 3 * last])
@@ -49,7 +51,7 @@ def spout(points: np.ndarray, first: float, last: float) -> tuple[Manifold, np.n
 
 
 def dome(outline: np.ndarray, radius: float, low: float, rise: float, rim: float) -> Manifold:
-    """A lid: a rim of height ``rim`` and a vault above it, ``rise`` high in all."""
+    """A lid (metres): a rim of height ``rim`` and a vault above it, ``rise`` high in all."""
     turns = np.linspace(0, np.pi / 2, 7)
     arch = np.column_stack(
         [radius * (0.06 + 0.94 * np.cos(turns)), low + rim + (rise - rim) * np.sin(turns)]
@@ -58,16 +60,16 @@ def dome(outline: np.ndarray, radius: float, low: float, rise: float, rim: float
 
 
 def bar_hinge(pivot, near: float, half: float, unit: float) -> Manifold:
-    """The barrel of a lid's hinge along y through ``pivot``, ``half`` to each side, and the strap
-    from it to x = ``near``."""
+    """The barrel of a lid's hinge along y through ``pivot`` (metres), ``half`` to each side, and
+    the strap from it to x = ``near``."""
     x, y, z = pivot
     barrel = cylinder("y", [x, y - half, z], 2 * half, 1.7 * unit, segments=12)
     return barrel + box([near, y - half, z], [x, y + half, z + 1.2 * unit])
 
 
 def knob(rng: np.random.Generator, at, size: float, *, turning: bool = False) -> Manifold:
-    """A knob on a lid, ``size`` in radius: a ball, a mushroom, a disc, a bow; a ``turning`` one is
-    never round."""
+    """A knob on a lid, ``size`` metres in radius: a ball, a mushroom, a disc, a bow, a bar or a
+    star. A ``turning`` one is never round, so that its turning can be seen."""
     kind = rng.choice(["ball", "mushroom", "disc", "bow", "bar", "star"])
     if turning and kind in ("ball", "mushroom", "disc"):
         kind = ("bar", "star")[int(rng.integers(2))]

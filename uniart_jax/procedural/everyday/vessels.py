@@ -1,5 +1,5 @@
-"""Vessels as an outline and a profile: bodies of kettles, pots and dispensers, what is hollow in
-them, how wide they are."""
+"""Vessels as an outline and a profile: bodies of kettles, pots and dispensers, their insides and
+their widths. Lengths are in metres."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ def turned(obj: ArticulatedObject, yaw: float) -> ArticulatedObject:
 
 
 def ring(count: int, across: float = 1.0, power: float = 2.0) -> np.ndarray:
-    """An outline [n, 2] that reaches x = -1 and 1 and is ``across`` times as wide: round, with
-    ``count`` < 20 flats, or squared by a ``power`` above 2."""
+    """An outline [count, 2] without units that reaches x = -1 and 1 and is ``across`` times as wide
+    in y: round, a polygon of few points, or squared by a ``power`` above 2."""
     angle = (np.arange(count) + 0.5) * 2 * np.pi / count
     c, s = np.cos(angle), np.sin(angle)
     points = (
@@ -38,7 +38,7 @@ def half_width(outline: np.ndarray) -> float:
 
 
 def through(outlines: list[np.ndarray], heights: Iterable[float]) -> Manifold:
-    """The body through outlines, each [n, 2] and about 0, at rising heights."""
+    """The solid through outlines, each [n, 2] about 0 (metres), at rising heights."""
     heights = list(heights)
     n, levels = len(outlines[0]), len(outlines)
     rings = [np.column_stack([o, np.full(n, z)]) for o, z in zip(outlines, heights, strict=True)]
@@ -61,14 +61,14 @@ def through(outlines: list[np.ndarray], heights: Iterable[float]) -> Manifold:
 
 
 def stack(profile: np.ndarray, outline: np.ndarray) -> Manifold:
-    """The body whose outline at each height z is ``outline`` times r; ``profile`` [n, 2] holds
-    (r, z), z growing."""
+    """The solid whose outline at each height z is ``outline`` times r; ``profile`` [n, 2] holds (r,
+    z) in metres, z growing."""
     return through([outline * r for r in profile[:, 0]], profile[:, 1])
 
 
 def frustum(outline: np.ndarray, below: float, above: float, low: float, high: float) -> Manifold:
-    """The body over ``outline`` from z = ``low`` to ``high``, its radius going from ``below`` to
-    ``above``."""
+    """The solid over ``outline`` from z = ``low`` to ``high`` (metres), its radius going from
+    ``below`` to ``above``."""
     return stack(np.array([[below, low], [above, high]]), outline)
 
 
@@ -82,8 +82,8 @@ def silhouette(
     fillet: float = 0.0,
     curved: bool = True,
 ) -> np.ndarray:
-    """A profile (r, z) from ``bottom`` over ``belly``, at a share ``at`` of the height, to ``top``;
-    ``fillet``: how much its lower edge is rounded."""
+    """A profile [n, 2] of (r, z) in metres from ``bottom`` over ``belly``, at the share ``at`` of
+    the height, to ``top``. ``fillet`` is the radius that rounds its lower edge."""
     t = np.linspace(0, 1, 13 if curved else 3)
     if not curved:
         t[1] = np.clip(at, 0.05, 0.95)
@@ -107,17 +107,17 @@ def silhouette(
 
 
 def radius_at(profile: np.ndarray, z: float) -> float:
-    """r of a profile at a height."""
+    """The radius r (metres) of a profile at the height ``z``."""
     return float(np.interp(z, profile[:, 1], profile[:, 0]))
 
 
 def widest(profile: np.ndarray, heights: Iterable[float]) -> float:
-    """The largest r of a profile at some heights."""
+    """The largest radius r (metres) of a profile at some heights."""
     return max(radius_at(profile, z) for z in heights)
 
 
 def room(profile: np.ndarray, outline: np.ndarray, wall: float) -> Manifold:
-    """What is hollow in a vessel: its profile drawn in by ``wall``, open at the top."""
+    """The inside of a vessel (metres): its profile drawn in by ``wall``, open at the top."""
     low, high = profile[0, 1] + wall, profile[-1, 1]
     z = np.concatenate([np.linspace(low, high, 12), [high + 4 * wall]])
     r = np.interp(z, profile[:, 1], profile[:, 0]) - wall

@@ -1,5 +1,5 @@
 """Wall plates of one to four gangs with rockers, toggles, dials, sliders, push buttons and sockets
-under flaps; breaker boxes with a door and levers; isolators with a big handle."""
+under flaps. Breaker boxes and isolators are in ``switch_boxes``."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ KINDS = tuple(CONTROLS)
 
 
 def build(rng: np.random.Generator) -> ArticulatedObject:
-    """A switch on a wall at x = 0, metres, off and shut."""
+    """A switch on a wall at x = 0, in metres, off and closed."""
     kind = rng.choice(["plate", "breaker_box", "isolator"], p=[0.68, 0.18, 0.14])
     return {"plate": _plate, "breaker_box": breaker_box, "isolator": isolator}[str(kind)](rng)
 

@@ -1,4 +1,4 @@
-"""Dispensers of water: barrels and boxes with taps, and coolers that stand on the floor."""
+"""Water dispensers: barrels and boxes with taps, and coolers that stand on the floor."""
 
 from __future__ import annotations
 
@@ -35,7 +35,8 @@ from uniart_jax.procedural.shapes import (
 def _tap(
     rng, asm: Assembly, body: Shape, ground: Manifold, at, unit: float, tone, metal, one: bool
 ):
-    """A tap on the plane x = at[0]: its spigot goes to ``body``; returns what adds its lever."""
+    """Add a tap's spigot on the plane x = ``at[0]`` to ``body``; returns a function that adds its
+    lever to a parent part."""
     x, y, z = at
     r, reach = 2.4 * unit, float(rng.uniform(7, 10)) * unit
     spigot = cylinder("x", [x - reach, y, z], reach + 3 * unit, r, segments=16)
@@ -60,7 +61,7 @@ def _tap(
 
 
 def water(rng: np.random.Generator) -> ArticulatedObject:
-    """Water on a table, in a barrel or a box with taps, or from a cooler that stands on the
+    """A water dispenser in metres: a barrel or box with taps on a table, or a cooler on the
     floor."""
     if rng.random() < 0.45:
         return _cooler(rng)
