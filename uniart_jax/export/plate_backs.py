@@ -16,17 +16,18 @@ from scipy.spatial import cKDTree
 
 from uniart_jax.objects.appearance import linear_to_srgb, srgb_to_linear
 
-AGREE = 0.94  # cosine between a plate's normal and those of its places
-MOST_AGREE = 0.5  # share of a part's seen places that look the same way, of a plate
+AGREE = 0.94  # cosine between a plate's normal, that of most places that are seen, and a place's
 FEWEST = 100  # seen places of a plate's front, and hidden ones of its back
 SAMPLES = 12_000  # seen places that areas are made of
 GUESSES = 1_000  # hidden places of an area that guesses are taken from
-VOTES = 15  # nearest of them that say whose area a place is in
+VOTES = 15  # nearest of them that say which area one is in
 APART = 0.2  # sRGB, between two colours of a front
-LINKED, RARE = 600, 0.04  # colours that are clustered, and share of them that make an area
+LINKED = 600  # colours that are clustered
 THROUGH = 0.03  # object units in the plate's plane, from a place of the back to the front's
 SURE = 0.012  # object units from another area, from which on guesses count
 AROUND = 200  # of them, of which a colour is the median
+BETWEEN = 4  # nearest of them, of whose medians a colour is the mean
+THICK = 0.1  # object units, that the back is behind the front at most
 
 
 def even_backs(
@@ -52,61 +53,56 @@ def even_backs(
     filled = filled.copy()
     for part in moving:
         mine = np.flatnonzero(parts == part)
-        front, out = _front(normals[mine], seen[mine])
+        if not seen[mine].any():
+            continue
+        out = np.median(normals[mine[seen[mine]]], axis=0)
+        out /= max(float(np.linalg.norm(out)), 1e-9)
+        front = mine[seen[mine] & (normals[mine] @ out > AGREE)]
         back = mine[~seen[mine] & (normals[mine] @ out < -AGREE)]
-        front = mine[front]
         if min(len(front), len(back)) < FEWEST:
             continue
         front = front[:: -(-len(front) // SAMPLES)]
         plane = np.linalg.svd(out[None])[2][1:].T  # [3, 2]
-        areas = _areas(linear_to_srgb(shown[front]))
+        at, behind = points[front] @ plane, points[back] @ plane
+        tree = cKDTree(at)
+        areas = _areas(linear_to_srgb(shown[front]), tree)
         if (areas == areas[0]).all():
             continue
-        at, behind = points[front] @ plane, points[back] @ plane
-        distance, near = cKDTree(at).query(behind, k=np.arange(1, VOTES + 1), workers=-1)
-        votes = (areas[near][..., None] == np.arange(areas.max() + 1)).sum(1)
-        through, area = distance[:, 0] < THROUGH, votes.argmax(1)
+        distance, near = tree.query(behind, workers=-1)
+        deep = (points[front[near]] - points[back]) @ out
+        here = (distance < THROUGH) & (deep > 0) & (deep < THICK)
+        area = np.where(here, areas[near], -1)
         guess = linear_to_srgb(filled[back])
-        for one in np.unique(areas):
-            here = through & (area == one)
+        for one in np.unique(area[here]):
             edge = cKDTree(at[areas != one]).query(behind)[0]
-            sure = np.flatnonzero(here & (edge > SURE))
-            if not len(sure):
-                continue
-            sure = sure[:: -(-len(sure) // GUESSES)]
-            count = np.arange(1, min(AROUND, len(sure)) + 1)
-            _, beside = cKDTree(behind[sure]).query(behind[here], k=count, eps=0.5, workers=-1)
-            even = np.median(guess[sure[beside]], axis=1)
-            filled[back[here]] = srgb_to_linear(even)
+            sure = np.flatnonzero((area == one) & (edge > SURE))
+            if len(sure):
+                sure = sure[:: -(-len(sure) // GUESSES)]
+                color = _even(behind[sure], guess[sure], behind[area == one])
+                filled[back[area == one]] = srgb_to_linear(color)
     return filled
 
 
-def _front(normals: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Which places [n] are seen and look the way that most of the seen ones look, [m], and that
-    way, [3]; none if they look all ways."""
-    none = np.zeros(0, int), np.zeros(3)
-    if not seen.any():
-        return none
-    out = np.median(normals[seen], axis=0)
-    length = np.linalg.norm(out)
-    if length < AGREE:
-        return none
-    out /= length
-    agree = seen & (normals @ out > AGREE)
-    return (np.flatnonzero(agree), out) if agree.sum() > MOST_AGREE * seen.sum() else none
+def _even(at: np.ndarray, guess: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """[m, 3] colours of places ``wanted`` [m, 2]: means, by nearness, of medians of the colours
+    ``guess`` [n, 3] around places ``at`` [n, 2]."""
+    tree = cKDTree(at)
+    _, around = tree.query(at, k=np.arange(1, min(AROUND, len(at)) + 1))
+    even = np.median(guess[around], axis=1)
+    distance, near = tree.query(wanted, k=np.arange(1, min(BETWEEN, len(at)) + 1), workers=-1)
+    weight = 1 / (distance + 1e-3)
+    return (even[near] * weight[..., None]).sum(1) / weight.sum(1)[:, None]
 
 
-def _areas(colors: np.ndarray) -> np.ndarray:
-    """[n] which area those of a front [n, 3] sRGB are in: clusters of colours by average linkage,
-    ``APART`` from one another; colours that are rare are in the nearest area."""
+def _areas(colors: np.ndarray, tree: cKDTree) -> np.ndarray:
+    """[n] which area places of a front are in, whose colours are [n, 3] sRGB and whose places in
+    its plane ``tree`` holds: that of most of the places around it.
+
+    An area has one colour: clusters of colours by average linkage, ``APART`` from one another.
+    """
     some = colors[:: -(-len(colors) // LINKED)]
-    _, label, count = np.unique(
-        fcluster(linkage(some, "average"), APART, "distance"),
-        return_inverse=True,
-        return_counts=True,
-    )
-    kept = np.flatnonzero(count >= RARE * len(some))
-    if len(kept) < 2:
-        return np.zeros(len(colors), int)
-    medians = np.stack([np.median(some[label == k], axis=0) for k in kept])
-    return cKDTree(medians).query(colors)[1]
+    label = fcluster(linkage(some, "average"), APART, "distance") - 1
+    medians = np.stack([np.median(some[label == k], axis=0) for k in range(label.max() + 1)])
+    alike = cKDTree(medians).query(colors)[1]
+    around = tree.query(tree.data, k=np.arange(1, VOTES + 1), workers=-1)[1]
+    return (alike[around][..., None] == np.arange(len(medians))).sum(1).argmax(1)
