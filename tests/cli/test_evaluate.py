@@ -58,6 +58,8 @@ def test_a_folder_of_predictions(run, folders, tmp_path, monkeypatch):
         (("./physics", "ref", "--checkpoint", "nano"), "takes no --checkpoint"),
         (("./physics", "ref", "--processes", "0"), "must be at least 1"),
         (("physics", "ref", "--samples", "best"), "evaluate physics: it takes no --samples"),
+        (("procedural", "--families", "kettle"), "evaluate procedural: it takes no --families"),
+        (("layout", "--unseen", "--families", "kettle"), "layout --unseen: it takes no --families"),
         (("procedural", "ref"), "it has no images"),
     ],
 )

@@ -113,8 +113,26 @@ def test_command_writes_figures_and_pictures(tmp_path, tests):
     kept = json.loads((tmp_path / "out" / "metrics.json").read_text())
     assert kept["all"]["parts_right"] == found["all"]["parts_right"] == 1.0
     assert (tmp_path / "out" / "layouts.png").stat().st_size > 1000
+    assert kept["settings"]["unseen"] is False and set(kept["families"]) == {
+        "storage_furniture",
+        "table",
+    }
     with pytest.raises(FileNotFoundError, match=r"no '.*2\.json'"):
         judging.evaluate_layout("nano", tmp_path / "more", count=3, pred=folder)
+
+
+def test_families_are_drawn_by_name(tmp_path):
+    found = judging.evaluate_layout(
+        "nano", tmp_path / "out", count=3, families=("kettle", "jar"), predictor=Box()
+    )
+    assert set(found["families"]) == {"kettle", "jar"}
+    kept = json.loads((tmp_path / "out" / "metrics.json").read_text())
+    assert kept["settings"]["families"] == ["kettle", "jar"]
+    assert found["families"]["kettle"]["objects"] == 2
+    with pytest.raises(ValueError, match="no family 'mug'; there are"):
+        judging.evaluate_layout(
+            "nano", tmp_path / "no", count=1, families=("mug",), predictor=Box()
+        )
 
 
 class Box:

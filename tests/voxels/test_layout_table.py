@@ -76,7 +76,7 @@ def test_a_knob_turns_clockwise(direction, angle):
 def test_a_knob_that_is_partly_on_keeps_its_state_or_is_mirrored(angle, direction):
     """To the clockwise side; a knob that is more than half way on is not told from its mirror.
 
-    Its stop is the lower end, where the object rests."""
+    Its stop is the lower end."""
     joint = knob_read(angle, direction=direction)
     assert joint.angle == pytest.approx((-1.0, 3.1), abs=1e-3)
     assert joint.direction[0] > 0.999

@@ -38,6 +38,7 @@ def evaluate(
     pred: Path | None = None,
     cache: Path | None = None,
     unseen: bool = False,
+    families: tuple[str, ...] = (),
     backgrounds: bool = False,
     processes: int | None = None,
     engines: Engines | None = None,
@@ -76,6 +77,7 @@ def evaluate(
         cache: layout ROOT: where the assets' pictures are kept for the next run (default
           OUT/objects).
         unseen: The families that are never trained on, instead of the trained ones.
+        families: layout: these families of procedural objects, in turn (docs/data.md).
         backgrounds: layout: each object in front of a random background, cut out of it as a
           photograph is.
         processes: Worker processes beside the networks' own (default: one a core, at most 8).
@@ -102,6 +104,7 @@ def evaluate(
             pred=pred,
             cache=cache,
             unseen=unseen,
+            families=families,
             backgrounds=backgrounds,
             engines=engines,
         )
@@ -128,15 +131,18 @@ def evaluate(
         if root is None:
             _refuse(what, allow_outside=allow_outside, cache=cache)
         else:
-            _refuse(f"{what} ROOT", unseen=unseen)
+            _refuse(f"{what} ROOT", unseen=unseen, families=families)
+        if unseen:
+            _refuse(f"{what} --unseen", families=families)
         from uniart_jax.evaluation.layout import evaluate_layout
 
         evaluate_layout(
-            checkpoint or "nano", out, root=root, count=count, unseen=unseen, pred=pred, cache=cache,  # noqa: E501
-            allow_outside=allow_outside, processes=workers, backgrounds=backgrounds,
+            checkpoint or "nano", out, root=root, count=count, unseen=unseen, families=families,
+            pred=pred, cache=cache, allow_outside=allow_outside, processes=workers,
+            backgrounds=backgrounds,
         )  # fmt: skip
         return
-    _refuse(what, pred=pred, cache=cache, backgrounds=backgrounds)
+    _refuse(what, pred=pred, cache=cache, backgrounds=backgrounds, families=families)
     if what == "baselines":
         _refuse(what, pictures=pictures, engines=engines)
         if library is None:

@@ -146,6 +146,7 @@ def evaluate_layout(
     root: Path | None = None,
     count: int | None = None,
     unseen: bool = False,
+    families: tuple[str, ...] = (),
     pred: Path | None = None,
     cache: Path | None = None,
     allow_outside: bool = False,
@@ -158,7 +159,7 @@ def evaluate_layout(
 
     Args:
       out: gets metrics.json and layouts.png. count: objects (default ``COUNT`` held-out ones, or
-        all assets).
+        all assets). families: of the held-out ones, in turn, in place of a split's.
       cache: keeps the assets' pictures (default OUT/objects).
       backgrounds: each object stands in front of a random background, and is cut out of it as a
         photograph is (``evaluation.photographed``). predictor: in place of the
@@ -179,7 +180,8 @@ def evaluate_layout(
     tests: list[HeldOut] | list[RealObject]
     if root is None:
         count = COUNT if count is None else count
-        make = functools.partial(held_out, unseen=unseen, image_size=side)
+        make = functools.partial(held_out, unseen=unseen, families=families, image_size=side)
+        settings |= {"families": families} if families else {}
         tests = list(run(make, range(count), "held-out objects", processes=processes))
         shown = list(range(min(SHOWN, count)))
     else:

@@ -96,13 +96,14 @@ def held_out(
     index: int,
     *,
     unseen: bool = False,
+    families: Sequence[str] = (),
     resolution: int = 32,
     subdivisions: int = 4,
     image_size: int = PICTURE_SIDE,
 ) -> HeldOut:
     """Test object ``index``, deterministic; a shown state that cannot be encoded (two equal boxes)
-    is drawn again."""
-    families = split_families(unseen)
+    is drawn again. ``families``: in turn, in place of those of ``split_families``."""
+    families = tuple(families) or split_families(unseen)
     family, seed = families[index % len(families)], procedural.HELD_OUT_SEED + index
     closed = procedural.generate(family, seed)
     rng = np.random.default_rng([seed, 1])
