@@ -14,6 +14,7 @@ from uniart_jax.procedural.everyday.bucket_bodies import (
     add_bail,
     add_drop_handles,
     add_trim,
+    all_move,
     assembled,
     bail_options,
     draw_finish,
@@ -46,6 +47,8 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     make = {"pail": _pail, "tub": _tub, "basket": _basket, "crate": _crate}
     make |= {"can": _can, "cooler": _cooler}
     parts = make[kind](rng)
+    while not all_move(parts):
+        parts = make[kind](rng)
     free = kind in ("pail", "can", "tub")
     yaw = float(rng.uniform(-90, 90)) if free and rng.random() < 0.6 else 0.0
     if not free and rng.random() < 0.3:
@@ -265,7 +268,13 @@ def _can(rng) -> list[Spec]:
         rose = rose.rotate((0, -tilt, 0)).translate(tuple(tip))
         marks = plain((0.2, 0.2, 0.2)) if rng.random() < 0.5 else accent
         parts.append(("rose", [(rose, marks)], 0, turn(tip, axis)))
-    if rng.random() < 0.5:
+    lid = rng.random() < 0.5
+    if loop and not lid:  # something besides the rose moves
+        lid = rng.random() < 0.5
+        bail = not lid
+    else:
+        bail = not loop
+    if lid:
         base = height + 0.3 * unit
         flap = v.band(base, base + 1.6 * unit, -1.2 * v.wall) ^ box(
             [-2, -2, 0], [0.08 * long, 2, 2]
@@ -273,7 +282,7 @@ def _can(rng) -> list[Spec]:
         flap += ball([-0.75 * v.half(0, height), 0, base + 2.2 * unit], 1.8 * unit)
         joint = hinge((0.08 * long, 0, base + 1.6 * unit), (0, 1, 0), 1.3)
         parts.append(("lid", [(flap, accent)], 0, joint))
-    if not loop:
+    if bail:
         others = union([filled(part[1]) for part in parts])
         z = height - 4 * unit
         length = (v.half(0, height)) * float(rng.uniform(1.2, 1.5)) + 4 * unit

@@ -37,6 +37,11 @@ def assembled(parts: list[Spec], yaw: float) -> ArticulatedObject:
     return shapes.assembled(made, about_z(yaw))
 
 
+def all_move(parts: list[Spec]) -> bool:
+    """Whether every part but the body moves. A bail may have found no way to swing."""
+    return all(joint is not None and joint.type != "fixed" for *_, joint in parts[1:])
+
+
 def filled(pieces: Pieces) -> Manifold:
     """The union of the solids of ``pieces``."""
     return union(solid for solid, _ in pieces)
