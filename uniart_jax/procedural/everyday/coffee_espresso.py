@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
+import itertools
+
 import numpy as np
+from manifold3d import Manifold
 
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.procedural import materials
@@ -27,6 +31,7 @@ from uniart_jax.procedural.shapes import (
     extrusion,
     hinge,
     pipe,
+    rotated,
     rounded,
     slide,
     tidy,
@@ -97,6 +102,7 @@ def espresso_machine(rng: np.random.Generator) -> ArticulatedObject:
     root = asm.add("body", body)
     if rng.random() < 0.85:
         add_drip_tray(rng, asm, root, tray_lo, tray_hi, unit, steel if rng.random() < 0.5 else trim)
+    handles: list[tuple[int, Manifold]] = []
     for y in gys:
         cup = cylinder("z", [gx, y, head - drop - air - 5 * unit], 5 * unit, 0.85 * r, 1.06 * r, 24)
         spout = cylinder(
@@ -108,7 +114,8 @@ def espresso_machine(rng: np.random.Generator) -> ArticulatedObject:
         bowl = union([cup, spout])
         shape = Shape().add(bowl, steel).add(tidy(grip - bowl), trim)
         swing = -float(np.deg2rad(rng.uniform(35, 75)))
-        asm.add("filter_handle", shape, root, hinge((gx, y, 0), (0, 0, 1), swing))
+        index = asm.add("filter_handle", shape, root, hinge((gx, y, 0), (0, 0, 1), swing))
+        handles.append((index, grip))
     for x, y, z in pivots:
         tip = [x - 3 * unit, y, z + float(rng.uniform(20, 38)) * unit]
         bar = pipe([[x, y, z + 1.6 * unit + air], [x, y, z + 6 * unit], tip], 1.4 * unit, 10)
@@ -118,9 +125,10 @@ def espresso_machine(rng: np.random.Generator) -> ArticulatedObject:
         asm.add("lever", shape, root, hinge((x, y, z + 1.6 * unit + air), (0, 1, 0), down))
     sides = [-1.0, 1.0] if groups == 2 or rng.random() < 0.15 else [float(rng.choice([-1, 1]))]
     for side in sides if rng.random() < 0.75 else []:
-        _add_steam_wand(
-            rng, asm, root, side, half, 0.5 * gx + 0.5 * face_x, head, base, unit, steel
-        )
+        x = 0.5 * gx + 0.5 * face_x
+        wand = _add_steam_wand(rng, asm, root, side, half, x, head, base, unit, steel)
+        for index, grip in handles:
+            _limit_turn(asm, index, grip, wand)
     if not lever and rng.random() < 0.85:
         add_knobs(rng, asm, root, face_x - 5e-4, half, middle, panel_room, unit, trim)
     if rng.random() < 0.45:
@@ -158,8 +166,9 @@ def _add_cheeks_and_rail(rng, body: Shape, depth, half, high, back, unit, steel,
         body.add(tidy(union([pipe(ring, r, 8), *posts]) - box([-1, -1, 0], [1, 1, high])), steel)
 
 
-def _add_steam_wand(rng, asm, root, side, half, x, head, base, unit, steel: Material) -> None:
-    """Add a steam wand that hangs from a ball under the head and swings out to its side."""
+def _add_steam_wand(rng, asm, root, side, half, x, head, base, unit, steel: Material):
+    """Add a steam wand that hangs from a ball under the head and swings out to its side; returns
+    its solid."""
     y, r = side * 0.86 * half, 1.5 * unit
     top = [x, y, head - 2.6 * unit]
     low = base + (head - base) * float(rng.uniform(0.1, 0.35))
@@ -168,9 +177,22 @@ def _add_steam_wand(rng, asm, root, side, half, x, head, base, unit, steel: Mate
         [x - 3 * unit, y + side * 2 * unit, top[2] - 5 * unit],
         [x - 6 * unit, y + side * 3 * unit, low],
     ]
-    shape = Shape().add(union([pipe(line, r, 10), ball(top, 2.4 * unit, 14)]), steel)
+    solid = union([pipe(line, r, 10), ball(top, 2.4 * unit, 14)])
     swing = side * float(np.deg2rad(rng.uniform(50, 100)))
-    asm.add("steam_wand", shape, root, hinge(top, (0, 0, -1), -swing))
+    asm.add("steam_wand", Shape().add(solid, steel), root, hinge(top, (0, 0, -1), -swing))
+    return solid
+
+
+def _limit_turn(asm: Assembly, index: int, grip: Manifold, other: Manifold) -> None:
+    """Let the part ``index``, whose ``grip`` turns clockwise about z, stop short of ``other``."""
+    part = asm.parts[index]
+    angles = np.linspace(0, part.joint.limits[0], 13)
+    for before, angle in itertools.pairwise(angles):
+        turned = rotated(grip, (0, 0, np.rad2deg(angle)), part.joint.origin)
+        if (turned ^ other).volume() > 0:
+            joint = dataclasses.replace(part.joint, angle=(float(before), 0.0))
+            asm.parts[index] = dataclasses.replace(part, joint=joint)
+            return
 
 
 def bean_to_cup_machine(rng: np.random.Generator) -> ArticulatedObject:

@@ -68,12 +68,10 @@ def crossed(rng: np.random.Generator) -> list[PartSpec]:
         square,
         [middle + d2 * other, middle - d2 * other],
     )
-    down = kind == "board" or rng.random() < 0.3
-    most = angle_between(-other, way) if down else angle_between(-other, -way)
+    most = angle_between(-other, way)  # down at the side, clear of the top
     most -= np.arcsin(min(0.9, 2.6 * r / (d1 * np.linalg.norm(way)))) + 0.05
-    sign = 1 if down else -1
     legs = tone if rng.random() < 0.8 else materials.paint(rng)
-    parts.append(("legs", trimmed((second, legs)), 0, hinge((0, 0, high / 2), (0, sign, 0), most)))
+    parts.append(("legs", trimmed((second, legs)), 0, hinge((0, 0, high / 2), (0, 1, 0), most)))
     z, thick = high + 0.6 * AIR, float(rng.uniform(0.014, 0.04))
     z = z + 0.5 * r if square else z  # square bars end a little beyond
     if kind == "board":
@@ -96,10 +94,11 @@ def crossed(rng: np.random.Generator) -> list[PartSpec]:
                 + [box([x0 - deep, -0.45 * wide, z], [x0 - deep + 0.012, 0.45 * wide, z + 0.012])]
             )
             pieces.append((rest, materials.metal(rng, brushed=False)))
-        joint = hinge((-spread, 0, z), (0, 1, 0), 0.8 * angle_between((1, 0), way))
+        # beyond the bars, so that the end that goes down passes them
+        at, angle = -spread - 1.6 * r - AIR, rng.uniform(40, 75)
     else:
         far = spread + float(rng.uniform(0.01, 0.06))
-        x0 = -spread if not down else -far
+        at = x0 = -spread
         slab = panel(rng, x0, far, wide / 2, z, thick)
         pieces = [(slab, cover)]
         if kind == "tray" and rng.random() < 0.4:
@@ -112,8 +111,8 @@ def crossed(rng: np.random.Generator) -> list[PartSpec]:
                 ),
                 (rim, tone),
             ]
-        angle = 0.8 * angle_between((1, 0), way) if down else float(np.deg2rad(rng.uniform(75, 92)))
-        joint = hinge((-spread, 0, z), (0, sign, 0), angle)
+        angle = rng.uniform(75, 92)
+    joint = hinge((at, 0, z), (0, -1, 0), float(np.deg2rad(angle)))  # up, off the legs
     parts.append(("top", trimmed(*pieces), 0, joint))
     return parts
 

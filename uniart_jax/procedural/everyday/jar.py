@@ -306,9 +306,10 @@ def _lifted(rng: np.random.Generator) -> ArticulatedObject:
     asm.add("lid", lid, root, slide((0, 0, 1), skirt + float(rng.uniform(15, 45)) * unit))
     if bail:
         a = np.linspace(0, np.pi, 17)
-        line = np.column_stack([0 * a, reach * np.cos(a), pivot + reach * np.sin(a)])
+        # it lies in front: upright, it would be in the way of the lid
+        line = np.column_stack([-reach * np.sin(a), reach * np.cos(a), 0 * a + pivot])
         shape = Shape().add(pipe(line, 1.5 * unit, 10), metal)
-        asm.add("handle", shape, root, hinge((0, 0, pivot), (0, -1, 0), float(np.deg2rad(90))))
+        asm.add("handle", shape, root, hinge((0, 0, pivot), (0, 1, 0), float(np.deg2rad(90))))
     return asm.object()
 
 

@@ -370,6 +370,7 @@ def microscope(rng: np.random.Generator) -> ArticulatedObject:
     asm.add("stage", shape, root, slide((0, 0, -1), max(down, 2 * unit)))
     x, zk = rear - 5.5 * unit, thick + 11 * unit
     r = float(rng.uniform(5, 7.5)) * unit
+    r = min(r, 5.4 * unit) if z - down < zk + r else r  # the stage goes down in front of them
     for s in (-1, 1):
         y0, y1 = sorted((s * (w + air), s * (w + air + 6 * unit)))
         knob = knurled("y", [x, y0, zk], y1 - y0, r, 14)

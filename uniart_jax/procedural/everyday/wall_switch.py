@@ -3,6 +3,8 @@ under flaps. Breaker boxes and isolators are in ``switch_boxes``."""
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 from manifold3d import Manifold
 
@@ -67,6 +69,10 @@ def _plate(rng: np.random.Generator) -> ArticulatedObject:
         at = np.array([front, 0.0, -off]) if column else np.array([front, off, 0.0])
         own = np.random.default_rng(seed if same else seed + k)
         cuts, fixed, parts = CONTROLS[kind](own, at, size, tall, deep, tone[kind], accent)
+        if kind == "flap" and column and k:  # clear of the control above it
+            name, pieces, joint = parts[0]
+            angle = (0.0, min(joint.angle[1], float(np.deg2rad(95))))
+            parts = [(name, pieces, dataclasses.replace(joint, angle=angle))]
         holes += cuts
         later.append((fixed, parts))
     body.add(tidy(cut(solid, holes)), face)
