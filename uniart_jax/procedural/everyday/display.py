@@ -265,7 +265,7 @@ def _old_set(rng: np.random.Generator) -> Assembly:
     case = materials.wood(rng) if rng.random() < 0.4 else _case(rng)
     trim = materials.hardware(rng)
     foot = str(rng.choice(["none", "legs", "swivel", "cradle"], p=[0.2, 0.3, 0.25, 0.25]))
-    legs = {"none": 1.5, "legs": float(rng.uniform(8, 60)), "swivel": 3.5, "cradle": 9.0}[foot]
+    legs = {"none": 1.5, "legs": float(rng.uniform(8, 60)), "swivel": 3.5, "cradle": 11.5}[foot]
     low = legs * unit
     middle = low + tall / 2
     beside = rng.random() < 0.6
@@ -309,12 +309,11 @@ def _old_set(rng: np.random.Generator) -> Assembly:
             joint = swivel(rng, [mid_x, 0, 0])
         else:
             pad = cylinder("z", [mid_x, 0, 0], 6 * unit, disc, 0.9 * disc)
-            barrel = cylinder("y", [mid_x, -0.5 * disc, low], disc, 6 * unit)
-            room = cylinder("y", [mid_x, -2 * disc, low], 4 * disc, 6 * unit + air, segments=32)
+            barrel = cylinder("y", [mid_x, -0.5 * disc, low], disc, 8 * unit)
+            room = cylinder("y", [mid_x, -2 * disc, low], 4 * disc, 8 * unit + air, segments=32)
             stand.add(tidy(pad - room), trim)
             solids.append((barrel - body, trim))
-            tilt = float(np.rad2deg(np.arctan(2.4 * unit / deep * 2)))
-            joint = hinge([mid_x, 0, low], ACROSS, np.deg2rad(max(tilt, 3.0)))
+            joint = hinge([mid_x, 0, low], ACROSS, np.arcsin(5 * unit / disc))  # 8 to 12 degrees
         root = asm.add("base", stand)
     on_top = str(rng.choice(["none", "aerial", "handle"], p=[0.4, 0.35, 0.25]))
     top, links = low + tall, []
