@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Set
 
 import numpy as np
 import trimesh
@@ -79,6 +80,30 @@ def check_clear(obj: ArticulatedObject, name: str) -> None:
                 shared = overlap(solids[i].transform(moved[i][:3]), solids[part.parent])
                 where = f"{name} {obj.parts[i].name} at {share:.0%}: {shared:.2g}"
                 assert shared < HAIR, where
+
+
+def check_clear_of_others(
+    obj: ArticulatedObject, name: str, most: float, allowed: Set[tuple[str, str]]
+) -> None:
+    """While one joint moves and the others rest, what it carries runs into no other part by more
+    than ``most`` of the smaller volume; ``allowed`` are pairs of labels that may."""
+    solids = [solid(part.mesh) for part in obj.parts]
+    for k, part in enumerate(obj.parts):
+        if part.parent < 0 or part.joint.type == "fixed":
+            continue
+        low, high = part.joint.limits
+        far = np.pi if part.joint.type == "continuous" else (high if high > -low else low)
+        carried = descendants(obj, k)
+        for share in (0.25, 0.5, 0.75, 1.0):
+            q = np.zeros(len(obj.parts))
+            q[k] = share * far
+            moved = obj.forward_kinematics(q)
+            for i, j in itertools.product(carried, range(len(solids))):
+                if j in carried or (obj.parts[i].label, obj.parts[j].label) in allowed:
+                    continue
+                shared = overlap(solids[i].transform(moved[i][:3]), solids[j])
+                where = f"{name} {obj.parts[i].name} in {obj.parts[j].name} at {share:.0%}"
+                assert shared <= most, f"{where}: {shared:.2g}"
 
 
 def descendants(obj: ArticulatedObject, k: int) -> list[int]:
