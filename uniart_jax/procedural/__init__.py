@@ -9,9 +9,8 @@ and its name in one of five tuples: ``SEEN_FAMILIES``, the paper's seven seen ca
 ``MORE_FAMILIES``, which networks of the wide world are trained on besides; ``DETAILED_FAMILIES``,
 furniture and appliances of the seven categories again, as varied as real ones;
 ``EVERYDAY_FAMILIES``, other things of a household, with lids, levers, screws and stands, in the
-folder ``everyday``;
-``UNSEEN_FAMILIES``, which nothing is ever trained on. Appending to a tuple leaves the objects of
-the other families as they are, since names seed the generator.
+folder ``everyday``; ``UNSEEN_FAMILIES``, which nothing is ever trained on. Appending to a tuple
+leaves the objects of the other families as they are, since names seed the generator.
 
 What a training draws from is a *world*, a tuple of families taken in turn or at random, of
 ``WORLDS``: "seven"; "wide", in which half of the objects are of the seven and half, evenly, of
