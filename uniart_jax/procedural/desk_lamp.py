@@ -9,6 +9,7 @@ from manifold3d import Manifold
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.procedural import materials
 from uniart_jax.procedural.materials import Material, plain
+from uniart_jax.procedural.pieces import merged
 from uniart_jax.procedural.shapes import (
     Assembly,
     ball,
@@ -17,7 +18,6 @@ from uniart_jax.procedural.shapes import (
     extrusion,
     hinge,
     hull,
-    merged,
     revolution,
     rounded,
     turn,

@@ -155,6 +155,14 @@ class Shape:
             out._solids[material] = [solid.transform(matrix[:3]) for solid in solids]
         return out
 
+    def cut(self, hole: Manifold, material: Material) -> None:
+        """Cut a hole out of the solids of one material."""
+        self._solids[material] = [union(self._solids[material]) - hole]
+
+    def pieces(self) -> Iterator[tuple[Manifold, Material]]:
+        """One solid a material, each the union of what was added in it."""
+        return ((union(solids), material) for material, solids in self._solids.items())
+
     def solid(self) -> Manifold:
         """What all solids fill together."""
         return union(itertools.chain(*self._solids.values()))
@@ -351,49 +359,3 @@ def rotated(solid: Manifold, degrees: Iterable[float], at: ArrayLike) -> Manifol
     """``solid`` rotated about x, y and z by ``degrees`` [3], through the point ``at``."""
     at = np.asarray(at, dtype=np.float64)
     return solid.translate(tuple(-at)).rotate(tuple(degrees)).translate(tuple(at))
-
-
-def _groups(pieces: Iterable[tuple[Manifold, Material]]) -> dict[Material, list[Manifold]]:
-    """The solids of each material, materials in the order in which they first come."""
-    groups: dict[Material, list[Manifold]] = {}
-    for solid, material in pieces:
-        groups.setdefault(material, []).append(solid)
-    return groups
-
-
-def shape_of(pieces: Iterable[tuple[Manifold, Material]]) -> Shape:
-    """A shape of solids and their materials."""
-    shape = Shape()
-    for solid, material in pieces:
-        shape.add(solid, material)
-    return shape
-
-
-def disjoint(
-    pieces: Iterable[tuple[Manifold, Material]], *, tidied: float = 0.0
-) -> Iterator[tuple[Manifold, Material]]:
-    """One solid a material; where materials overlap, the one that comes later gives way.
-    ``tidied``: the tolerance to which each is tidied before it cuts those that follow, 0: not."""
-    before: list[Manifold] = []
-    for material, solids in _groups(pieces).items():
-        solid = cut(union(solids), before)
-        before.append(tidy(solid, tidied) if tidied else solid)
-        yield before[-1], material
-
-
-def merged(pieces: Iterable[tuple[Manifold, Material]], yaw: float = 0.0) -> Shape:
-    """Solids that touch or overlap, as one tidy solid a material, turned about z by ``yaw``
-    degrees."""
-    shape = Shape()
-    for material, solids in _groups(pieces).items():
-        shape.add(tidy(union(solids).rotate((0, 0, yaw))), material)
-    return shape
-
-
-def layered(pieces: Iterable[tuple[Manifold, Material]]) -> Shape:
-    """Solids of which a later one gives way to the earlier ones."""
-    out, before = [], None
-    for solid, material in pieces:
-        out.append((solid if before is None else solid - before, material))
-        before = solid if before is None else before + solid
-    return merged(out)

@@ -7,6 +7,7 @@ import numpy as np
 
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.procedural import materials
+from uniart_jax.procedural.pieces import merged
 from uniart_jax.procedural.shapes import (
     Assembly,
     box,
@@ -14,7 +15,6 @@ from uniart_jax.procedural.shapes import (
     extrusion,
     hinge,
     hull,
-    merged,
     slide,
     union,
 )

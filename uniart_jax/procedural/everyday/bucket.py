@@ -139,7 +139,7 @@ def _basket(rng) -> list[Spec]:
     accent = face.darker(0.75) if rng.random() < 0.5 else draw_finish(rng)
     body: Pieces = []
     solid = v.hollow()
-    body.append((cut(solid, openings(rng, v, unit)) if rng.random() < 0.75 else solid, face))
+    body.append((cut(solid, openings(rng, v)) if rng.random() < 0.75 else solid, face))
     proud = add_trim(rng, body, v, unit, face, accent)
     parts: list[Spec] = [("body", body, -1, None)]
     others = with_rim(v, proud)
@@ -217,7 +217,7 @@ def _crate(rng) -> list[Spec]:
     face = materials.wood(rng, grain="y") if rng.random() < 0.5 else draw_finish(rng)
     metal = materials.hardware(rng)
     solid = v.hollow()
-    body = [(cut(solid, openings(rng, v, unit)) if rng.random() < 0.7 else solid, face)]
+    body = [(cut(solid, openings(rng, v)) if rng.random() < 0.7 else solid, face)]
     add_trim(rng, body, v, unit, face, face if rng.random() < 0.5 else metal)
     parts: list[Spec] = [("body", body, -1, None)]
     parts += add_drop_handles(rng, body, v, 0.86 * height, unit, metal)

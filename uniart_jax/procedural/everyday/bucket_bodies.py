@@ -13,6 +13,7 @@ from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.procedural import materials, shapes
 from uniart_jax.procedural.materials import Material, hsv, plain
+from uniart_jax.procedural.pieces import shape_of
 from uniart_jax.procedural.shapes import (
     about_z,
     box,
@@ -22,7 +23,6 @@ from uniart_jax.procedural.shapes import (
     pipe,
     rotated,
     rounded,
-    shape_of,
     slide,
     union,
 )
@@ -263,7 +263,7 @@ def with_rim(v: Vessel, proud: float) -> Manifold:
     return union([v.full, v.band(0.9 * v.height, v.height, proud)])
 
 
-def openings(rng, v: Vessel, unit: float) -> list[Manifold]:
+def openings(rng, v: Vessel) -> list[Manifold]:
     """Solids (metres) to cut out of the walls of a rectangular vessel: rows of holes or gaps
     between slats."""
     rows, columns = int(rng.integers(2, 5)), int(rng.choice([1, 2, 4, 6]))

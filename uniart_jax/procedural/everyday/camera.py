@@ -9,7 +9,7 @@ from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.procedural import materials
 from uniart_jax.procedural.everyday.optics import (
     binoculars,
-    casing,
+    draw_finish,
     knurled,
     lens,
     microscope,
@@ -47,7 +47,7 @@ def _still(rng: np.random.Generator) -> ArticulatedObject:
     deep = width * float(rng.uniform(0.2, 0.32) if kind == "compact" else rng.uniform(0.28, 0.5))
     unit, half = width / 100, width / 2
     air = 0.4 * unit
-    face, metal, trim = casing(rng), materials.metal(rng, brushed=False), casing(rng)
+    face, metal, trim = draw_finish(rng), materials.metal(rng, brushed=False), draw_finish(rng)
     body = Shape()
     outline = rounded(width, high, float(rng.uniform(2, 14)) * unit)
     case = extrusion(outline, "x", [0, 0, high / 2], deep)
@@ -62,7 +62,7 @@ def _still(rng: np.random.Generator) -> ArticulatedObject:
     skin = rng.random() < 0.5
     zone = box([-1, -1, 0.22 * high], [1, 1, 0.74 * high])
     case = case - union(holes) if holes else case
-    leather = materials.dark(rng) if rng.random() < 0.6 else casing(rng)
+    leather = materials.dark(rng) if rng.random() < 0.6 else draw_finish(rng)
     for part, tone in ((tidy(case - zone), face), (tidy(case ^ zone), leather if skin else face)):
         body.add(part, tone)
     solid = case
@@ -188,7 +188,7 @@ def _camcorder(rng: np.random.Generator) -> ArticulatedObject:
     long = float(rng.uniform(0.1, 0.3))
     unit = long / 100
     half, high = float(rng.uniform(14, 24)) * unit, float(rng.uniform(38, 60)) * unit
-    face, metal, trim = casing(rng), materials.metal(rng, brushed=False), casing(rng)
+    face, metal, trim = draw_finish(rng), materials.metal(rng, brushed=False), draw_finish(rng)
     air, asm, body = 0.5 * unit, Assembly(), Shape()
     side = float(rng.choice([1, -1]))
     case = extrusion(
@@ -251,7 +251,7 @@ def _security(rng: np.random.Generator) -> ArticulatedObject:
     """A security camera or webcam that pans on a foot and tilts in a fork."""
     s = float(rng.uniform(0.05, 0.12))
     unit, air = s / 50, s / 150
-    face, trim = casing(rng), casing(rng)
+    face, trim = draw_finish(rng), draw_finish(rng)
     r, long = float(rng.uniform(0.3, 0.5)) * s, float(rng.uniform(0.7, 2.0)) * s
     asm, foot, fork, head = Assembly(), Shape(), Shape(), Shape()
     wide = float(rng.uniform(0.9, 1.5)) * r

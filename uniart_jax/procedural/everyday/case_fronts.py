@@ -22,7 +22,7 @@ from uniart_jax.procedural.shapes import (
 Span = tuple[float, float, float, float]  # y0, y1, z0, z1
 
 
-def draw_paint(rng: np.random.Generator) -> Material:
+def draw_finish(rng: np.random.Generator) -> Material:
     """Draw the finish of a case: a signal colour, paint, steel, wood or black."""
     kind = rng.choice(5, p=[0.35, 0.25, 0.17, 0.13, 0.1])
     if kind == 0:

@@ -8,6 +8,7 @@ from manifold3d import Manifold
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.procedural import materials
 from uniart_jax.procedural.materials import Material, plain
+from uniart_jax.procedural.pieces import layered, merged
 from uniart_jax.procedural.shapes import (
     Assembly,
     Shape,
@@ -16,9 +17,7 @@ from uniart_jax.procedural.shapes import (
     extrusion,
     hinge,
     inset,
-    layered,
     loft,
-    merged,
     rounded,
     slide,
     tidy,
@@ -29,7 +28,7 @@ ACROSS = (0, 1, 0)
 Link = tuple[str, Shape, Joint]
 
 
-def finish(rng: np.random.Generator) -> Material:
+def draw_finish(rng: np.random.Generator) -> Material:
     """Draw a finish: plastic of any colour, steel, white or black."""
     return materials.casing(rng, (0.25, 0.2, 0.25, 0.3))
 
@@ -49,7 +48,7 @@ def casket(rng: np.random.Generator) -> Assembly:
     high = wide * float(rng.uniform(0.25, 0.85))
     unit, half = wide / 100, wide / 2
     count = int(np.clip(high / unit // 16 - 1, 0, 3)) if rng.random() < 0.65 else 0
-    tone = materials.wood(rng) if rng.random() < 0.55 else finish(rng)
+    tone = materials.wood(rng) if rng.random() < 0.55 else draw_finish(rng)
     trim, wall, air = materials.hardware(rng), 2.4 * unit, 0.5 * unit
     legs = float(rng.choice([0.0, 2.0, 4.0])) * unit
     rows = count * 13 * unit + (2 * unit if count else 0)
@@ -126,7 +125,7 @@ def compact(rng: np.random.Generator) -> Assembly:
     mid = depth / 2
     body = extrusion(plan, "z", [mid, 0, 0], seam)
     well = extrusion(inset(plan, 2 * wall), "z", [mid, 0, wall], 9)
-    tone, trim = finish(rng), materials.hardware(rng)
+    tone, trim = draw_finish(rng), materials.hardware(rng)
     pieces, slots = [(body - well, tone)], int(rng.choice([1, 2, 3, 4]))
     room = extrusion(inset(plan, 2.6 * wall), "z", [mid, 0, wall], max(seam - 1.4 * wall, unit))
     for k in range(slots):
@@ -137,11 +136,11 @@ def compact(rng: np.random.Generator) -> Assembly:
     pinned = rng.random() < 0.25
     glass = extrusion(inset(plan, 2 * wall), "z", [mid, 0, seam + air - 1], 1 + unit)
     mirror = extrusion(inset(plan, 2.2 * wall), "z", [mid, 0, seam + air + 0.3 * unit], 0.7 * unit)
-    cover = [(lid - glass, tone if rng.random() < 0.7 else finish(rng))]
+    cover = [(lid - glass, tone if rng.random() < 0.7 else draw_finish(rng))]
     cover.append((mirror, materials.glass(rng)))
     if rng.random() < 0.6:
         emblem = plan * float(rng.uniform(0.25, 0.75))
-        cover.append((extrusion(emblem, "z", [mid, 0, top - 1e-4], 0.6 * unit), finish(rng)))
+        cover.append((extrusion(emblem, "z", [mid, 0, top - 1e-4], 0.6 * unit), draw_finish(rng)))
     asm = Assembly()
     asm.add("body", layered(pieces))
     if pinned:
@@ -166,7 +165,7 @@ def scanner(rng: np.random.Generator) -> Assembly:
     unit, half, air = max(wide, depth) / 100, wide / 2, 0.4 * max(wide, depth) / 100
     copier = rng.random() < 0.5
     high = float(rng.uniform(25, 80) if copier else rng.uniform(7, 16)) * unit
-    tone = materials.white_plastic(rng) if rng.random() < 0.5 else finish(rng)
+    tone = materials.white_plastic(rng) if rng.random() < 0.5 else draw_finish(rng)
     dark = materials.dark(rng)
     rim = float(rng.uniform(12, 22)) * unit  # of the panel
     beside = not copier and rng.random() < 0.4
@@ -224,7 +223,7 @@ def scanner(rng: np.random.Generator) -> Assembly:
         pieces[0] = (pieces[0][0] - hole.translate(at), tone)
         key = key.rotate((0, -np.rad2deg(lean), 0)).translate(at)
         down = (np.sin(lean), 0, -np.cos(lean))
-        links.append(("button", merged([(key, finish(rng))]), slide(down, 1.1 * unit)))
+        links.append(("button", merged([(key, draw_finish(rng))]), slide(down, 1.1 * unit)))
     asm = Assembly()
     root = asm.add("body", layered(pieces))
     low, thick = high + 0.8 * unit, float(rng.uniform(3, 6)) * unit

@@ -9,6 +9,7 @@ from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.procedural import materials
 from uniart_jax.procedural.everyday import clock_dials, household_instruments
 from uniart_jax.procedural.materials import plain
+from uniart_jax.procedural.pieces import trimmed
 from uniart_jax.procedural.shapes import (
     PartSpec,
     Shape,
@@ -56,7 +57,7 @@ def _wall(rng: np.random.Generator) -> list[PartSpec]:
     wide = 2 * (radius + rim)
     tall = wide if kind == "round" else wide * float(rng.uniform(1.0, 1.5))
     rise = 0.0 if kind == "round" else (tall - wide) / 2  # of the dial above the middle
-    tone, metal = clock_dials.finish(rng), materials.hardware(rng)
+    tone, metal = clock_dials.draw_finish(rng), materials.hardware(rng)
     case = extrusion(clock_dials.case_outline(rng, kind, wide, tall), "x", [0, 0, 0], depth)
     pieces, front, ink = clock_dials.dial(rng, 0, 0, rise, radius)
     pieces.append((case, tone))
@@ -68,7 +69,7 @@ def _wall(rng: np.random.Generator) -> list[PartSpec]:
                     [-out, -wide / 2 - out, -tall / 2 - thick],
                     [depth + out / 2, wide / 2 + out, -tall / 2],
                 ),
-                clock_dials.finish(rng),
+                clock_dials.draw_finish(rng),
             )
         )
     if kind == "round" and rng.random() < 0.25:  # rays about it
@@ -80,7 +81,7 @@ def _wall(rng: np.random.Generator) -> list[PartSpec]:
         pieces.append(
             (
                 union([ray.rotate((360 * k / count, 0, 0)) for k in range(count)]),
-                clock_dials.finish(rng),
+                clock_dials.draw_finish(rng),
             )
         )
     parts: list[PartSpec] = [
@@ -103,7 +104,7 @@ def _wall(rng: np.random.Generator) -> list[PartSpec]:
         )
         swing = float(np.deg2rad(rng.uniform(90, 160)))
         joint = hinge((reach, way * outer, rise), (0, 0, -way), swing)
-        parts.append(("door", clock_dials.trimmed((band + tab, metal)), 0, joint))
+        parts.append(("door", trimmed((band + tab, metal)), 0, joint))
     below = tall / 2 + rise - radius - rim
     if below > 0.16 * radius and kind != "round":  # winding knobs
         size = min(0.45 * below, 0.16 * radius)
@@ -116,10 +117,8 @@ def _wall(rng: np.random.Generator) -> list[PartSpec]:
                 [-1.7 * size, y - 0.2 * size, z - 0.8 * size],
                 [-size, y + 0.2 * size, z + 0.8 * size],
             )
-            parts.append(
-                ("knob", clock_dials.trimmed((knob, metal)), 0, turn((0, y, z), (1, 0, 0)))
-            )
-    parts[0] = ("case", clock_dials.trimmed(*pieces), -1, None)
+            parts.append(("knob", trimmed((knob, metal)), 0, turn((0, y, z), (1, 0, 0))))
+    parts[0] = ("case", trimmed(*pieces), -1, None)
     return parts
 
 
@@ -135,7 +134,7 @@ def _bob(rng, x, z, long, size, thick, tone, rod, most=0.3) -> tuple[Shape, floa
     turned = [
         (rotated(s, (np.rad2deg(-out), 0, 0), (0, 0, z)), m) for s, m in ((disc, tone), (bar, rod))
     ]
-    return clock_dials.trimmed(*turned), out
+    return trimmed(*turned), out
 
 
 def _trunk_door(rng, wide: float, edge: float, span, wall: float, tone, gold) -> PartSpec:
@@ -147,7 +146,7 @@ def _trunk_door(rng, wide: float, edge: float, span, wall: float, tone, gold) ->
     door -= box([-1, -edge + 1.3 * wall, a + 1.3 * wall], [1, edge - 1.3 * wall, b - 1.3 * wall])
     knob = ball([-thick, -way * (edge - 0.65 * wall), (a + b) / 2], 0.03 * wide, 10)
     joint = hinge((-thick, way * edge, 0), (0, 0, -way), float(np.deg2rad(rng.uniform(85, 140))))
-    return "door", clock_dials.trimmed((door, tone), (knob, gold)), 0, joint
+    return "door", trimmed((door, tone), (knob, gold)), 0, joint
 
 
 def _weights(rng, wide: float, x: float, low: float, gold, metal) -> list[PartSpec]:
@@ -160,7 +159,7 @@ def _weights(rng, wide: float, x: float, low: float, gold, metal) -> list[PartSp
         weight = cylinder("z", [x, y, z - 4 * r], 4 * r, 0.6 * r, r, 12)
         line = cylinder("z", [x, y, z - r], low - z + r - 0.004 * wide, 0.2 * r, segments=8)
         joint = slide((0, 0, -1), travel)
-        parts.append(("weight", clock_dials.trimmed((weight, gold), (line, metal)), 0, joint))
+        parts.append(("weight", trimmed((weight, gold), (line, metal)), 0, joint))
     return parts
 
 
@@ -174,7 +173,7 @@ def _pendulum(rng: np.random.Generator) -> list[PartSpec]:
     trunk = 0.0 if house else wide * float(rng.uniform(1.9, 3.2) if tall else rng.uniform(0.7, 1.4))
     foot = wide * float(rng.uniform(0.4, 0.8)) if tall and not house else 0.0
     tone, gold, metal = (
-        clock_dials.finish(rng),
+        clock_dials.draw_finish(rng),
         plain(materials.hsv(rng, (0.1, 0.14), (0.4, 0.7), (0.6, 0.9))),
         materials.hardware(rng),
     )
@@ -219,7 +218,7 @@ def _pendulum(rng: np.random.Generator) -> list[PartSpec]:
             long,
             size,
             0.08 * wide,
-            clock_dials.finish(rng),
+            clock_dials.draw_finish(rng),
             metal,
         )
         top = low - 0.06 * wide
@@ -230,7 +229,7 @@ def _pendulum(rng: np.random.Generator) -> list[PartSpec]:
             [-0.1 * wide, 0, 0],
             depth + 0.1 * wide,
         )
-        pieces.append((eave, clock_dials.finish(rng)))
+        pieces.append((eave, clock_dials.draw_finish(rng)))
     pieces.append((body, tone))
     pieces.append((rod, metal))
     parts.append(("pendulum", shape, 0, hinge((x, 0, top), (1, 0, 0), 2 * out)))
@@ -240,7 +239,7 @@ def _pendulum(rng: np.random.Generator) -> list[PartSpec]:
         parts.append(_trunk_door(rng, wide, half - 0.01 * wide, span, wall, tone, gold))
     if house and rng.random() < 0.7:
         parts += _weights(rng, wide, x, low, gold, metal)
-    parts[0] = ("case", clock_dials.trimmed(*pieces), -1, None)
+    parts[0] = ("case", trimmed(*pieces), -1, None)
     return parts
 
 
@@ -248,7 +247,7 @@ def _alarm(rng: np.random.Generator) -> list[PartSpec]:
     """An alarm clock: a drum on feet with bells and a hammer, or a block with a button on top."""
     radius, tone, metal = (
         float(rng.uniform(0.035, 0.07)),
-        clock_dials.finish(rng),
+        clock_dials.draw_finish(rng),
         materials.hardware(rng),
     )
     depth, legs = radius * float(rng.uniform(0.7, 1.2)), radius * float(rng.uniform(0.2, 0.4))
@@ -299,7 +298,7 @@ def _alarm(rng: np.random.Generator) -> list[PartSpec]:
             .translate((0, 0, base + 0.01 * outer))
         )
         joint = hinge((x, 0, base), (-1, 0, 0), np.deg2rad(2 * tilt))
-        parts.append(("hammer", clock_dials.trimmed((hammer, ink)), 0, joint))
+        parts.append(("hammer", trimmed((hammer, ink)), 0, joint))
     else:
         wide, top = 2 * outer * float(rng.uniform(1, 1.5)), z + outer
         case = extrusion(
@@ -325,16 +324,14 @@ def _alarm(rng: np.random.Generator) -> list[PartSpec]:
         )
         joint = slide((0, 0, -1), 0.8 * high)
         button = (button + stem).translate((0, 0, 0.85 * high))
-        parts.append(("button", clock_dials.trimmed((button, clock_dials.finish(rng))), 0, joint))
+        parts.append(("button", trimmed((button, clock_dials.draw_finish(rng))), 0, joint))
     if rng.random() < 0.6:  # a winding knob at the side
         r, y = 0.2 * outer, outer if bells else wide / 2
         s = float(rng.choice([-1, 1]))
         start = y + 0.01 * outer if s > 0 else -y - 0.31 * outer
         knob = cylinder("y", [depth / 2, start, z], 0.3 * outer, r, segments=10)
-        parts.append(
-            ("knob", clock_dials.trimmed((knob, metal)), 0, turn((depth / 2, 0, z), (0, 1, 0)))
-        )
-    parts[0] = ("case", clock_dials.trimmed(*pieces, (case, tone)), -1, None)
+        parts.append(("knob", trimmed((knob, metal)), 0, turn((depth / 2, 0, z), (0, 1, 0))))
+    parts[0] = ("case", trimmed(*pieces, (case, tone)), -1, None)
     return parts
 
 
@@ -343,7 +340,7 @@ def _tower(rng: np.random.Generator) -> list[PartSpec]:
     wide = float(rng.uniform(0.2, 0.5))
     high, tone = (
         wide * float(rng.uniform(1.8, 3)),
-        clock_dials.finish(rng) if rng.random() < 0.5 else materials.stone(rng),
+        clock_dials.draw_finish(rng) if rng.random() < 0.5 else materials.stone(rng),
     )
     head, half = 1.15 * wide, wide / 2
     grow = wide * float(rng.uniform(0, 0.08))
@@ -370,10 +367,10 @@ def _tower(rng: np.random.Generator) -> list[PartSpec]:
             (0, 0, -way),
             float(np.deg2rad(rng.uniform(80, 120))),
         )
-        parts.append(("door", clock_dials.trimmed((door, clock_dials.finish(rng))), 0, joint))
+        parts.append(("door", trimmed((door, clock_dials.draw_finish(rng))), 0, joint))
     parts[0] = (
         "tower",
-        clock_dials.trimmed(*pieces, (shaft + top, tone), (roof, clock_dials.finish(rng))),
+        trimmed(*pieces, (shaft + top, tone), (roof, clock_dials.draw_finish(rng))),
         -1,
         None,
     )

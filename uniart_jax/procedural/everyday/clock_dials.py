@@ -8,27 +8,20 @@ from manifold3d import Manifold
 
 from uniart_jax.procedural import materials
 from uniart_jax.procedural.materials import Material, plain
+from uniart_jax.procedural.pieces import trimmed
 from uniart_jax.procedural.shapes import (
     PartSpec,
-    Shape,
     box,
     cylinder,
-    disjoint,
     extrusion,
     hinge,
     rounded,
-    shape_of,
     turn,
     union,
 )
 
 
-def trimmed(*pieces: tuple[Manifold, Material]) -> Shape:
-    """A shape of tidy solids, one per material. Where they overlap, the later one is cut."""
-    return shape_of(disjoint(pieces, tidied=1e-5))
-
-
-def finish(rng: np.random.Generator) -> Material:
+def draw_finish(rng: np.random.Generator) -> Material:
     """Draw the finish of a case: wood, bright plastic or enamel, metal, dark or white."""
     kind = rng.choice(5, p=[0.3, 0.34, 0.12, 0.12, 0.12])
     if kind == 0:

@@ -37,7 +37,7 @@ def draw_trim(rng: np.random.Generator, face: Material) -> Material:
     return materials.hardware(rng) if rng.random() < 0.75 else materials.wood(rng, textured=False)
 
 
-def column(rng, depth, half, low, high, corner, start=0.0) -> Manifold:
+def column(depth, half, low, high, corner, start=0.0) -> Manifold:
     """An upright body in metres from x = ``start`` to ``depth`` with rounded vertical edges."""
     outline = rounded(depth - start, 2 * half, corner)
     return extrusion(outline, "z", [(start + depth) / 2, 0, low], high - low)

@@ -100,7 +100,7 @@ def electric_grinder(rng: np.random.Generator) -> ArticulatedObject:
     back = float(rng.uniform(0.4, 0.5)) * depth
     asm, body = Assembly(), Shape()
     corner = float(rng.uniform(0.02, 0.35)) * half
-    solid = column(rng, depth, half, 0, high, corner) - box([-1, -1, base], [back, 1, head])
+    solid = column(depth, half, 0, high, corner) - box([-1, -1, base], [back, 1, head])
     spout = cylinder("z", [0.5 * back, 0, head - 6 * unit], 6 * unit, 3 * unit, 5 * unit, 16)
     body.add(tidy(solid), face).add(spout, trim)
     root = asm.add("body", body)

@@ -62,12 +62,12 @@ def _filter_machine(rng: np.random.Generator) -> ArticulatedObject:
     corner = float(rng.uniform(0.05, 0.6)) * half
     roof = head + float(rng.uniform(0.5, 0.75)) * (high - head)
     asm, body = Assembly(), Shape()
-    whole = column(rng, depth, half, 0, high, corner)
+    whole = column(depth, half, 0, high, corner)
     room = box([-1, -1, base], [back, 1, head])
     radius = min(0.44 * back, 0.8 * half)
     x = 0.5 * back + 0.02 * depth
     filter_kind = str(rng.choice(["swing", "slide", "none"], p=[0.5, 0.2, 0.3]))
-    holder = column(rng, depth, half, head, roof, corner) ^ box([-1, -1, 0], [back - air, 1, 1])
+    holder = column(depth, half, head, roof, corner) ^ box([-1, -1, 0], [back - air, 1, 1])
     solid = whole - room
     if filter_kind != "none":
         solid -= box([-1, -1, head - 1e-3], [back, 1, roof + air])
@@ -140,11 +140,11 @@ def _capsule_machine(rng: np.random.Generator) -> ArticulatedObject:
         np.array([0.0, -0.8 * half, 0.2 * base]),
         np.array([back - air, 0.8 * half, base]),
     )
-    foot = column(rng, end, half, 0, base, 0.2 * half) - box(
+    foot = column(end, half, 0, base, 0.2 * half) - box(
         tray_lo - [1, air, air], [back, tray_hi[1] + air, 1]
     )
     if rng.random() < 0.4:  # the base only behind, the tray stands in front
-        foot = column(rng, end, half, 0, base, 0.1 * half, back)
+        foot = column(end, half, 0, base, 0.1 * half, back)
         tray_lo = np.array([0.0, -0.95 * half, 0.0])
         tray_hi[1] = 0.95 * half
     spout_x = (nose + back) / 2

@@ -13,12 +13,13 @@ from uniart_jax.procedural.everyday.clamshells import (
     book,
     casket,
     compact,
-    finish,
+    draw_finish,
     outline_of,
     scanner,
 )
 from uniart_jax.procedural.fronts import add_knob
 from uniart_jax.procedural.materials import Material
+from uniart_jax.procedural.pieces import layered
 from uniart_jax.procedural.shapes import (
     Assembly,
     Shape,
@@ -28,7 +29,6 @@ from uniart_jax.procedural.shapes import (
     extrusion,
     hinge,
     inset,
-    layered,
     loft,
     pipe,
     rounded,
@@ -56,8 +56,8 @@ def _press(rng: np.random.Generator) -> Assembly:
     legs = float(rng.uniform(1, 4)) * unit
     if flips:
         low, lid_high, legs = 7 * unit, 7 * unit, half + 6 * unit
-    body_tone, trim = finish(rng), materials.hardware(rng)
-    lid_tone = body_tone if rng.random() < 0.6 else finish(rng)
+    body_tone, trim = draw_finish(rng), materials.hardware(rng)
+    lid_tone = body_tone if rng.random() < 0.6 else draw_finish(rng)
     iron = materials.dark(rng)
     seam, gap, mid = legs + low, 0.9 * unit, depth / 2
     top = seam + gap + lid_high
@@ -89,7 +89,7 @@ def _press(rng: np.random.Generator) -> Assembly:
         body.append((union(feet) - under, iron))
     asm, root, joint, links = Assembly(), -1, None, []
     if flips:
-        root, spindle, joint = _stand(rng, asm, at, seam, mid, half, legs, unit, trim)
+        root, spindle, joint = _stand(rng, asm, at, seam, mid, half, unit, trim)
         body.append((spindle - under - hold, trim))
     elif rng.random() < 0.4 and np.ptp(outline[:, 1][outline[:, 0] < -0.49 * depth]) > 0.5 * wide:
         body[0], links = _tray(rng, body[0], wide, depth, legs, low, unit, trim)
@@ -102,7 +102,7 @@ def _press(rng: np.random.Generator) -> Assembly:
     if rng.random() < 0.4:  # a band or badge on the lid
         size = shrink * float(rng.uniform(0.3, 0.75))
         badge = extrusion(size * outline, "z", [mid, 0, top - 1e-4], 0.5 * unit)
-        lid.append((badge - over - grip, finish(rng)))
+        lid.append((badge - over - grip, draw_finish(rng)))
     most = 92 if flips else float(rng.choice([75, 95, 110, 170], p=[0.25, 0.35, 0.3, 0.1]))
     if most > 120 and 2 * at[2] - top < 0.1 * unit:
         most = 105.0
@@ -175,7 +175,7 @@ def _grip(rng, mid, half, z, reach, unit, top) -> Manifold:
     return pipe(ends, w, 8)
 
 
-def _stand(rng, asm: Assembly, at, seam, mid, half, legs, unit, trim: Material):
+def _stand(rng, asm: Assembly, at, seam, mid, half, unit, trim: Material):
     """Add a foot with a post behind, in which the iron turns over about x; returns its spindle."""
     z, r, x = seam - 2.5 * unit, 2 * unit, at[0] + 5 * unit
     foot = extrusion(
@@ -202,7 +202,7 @@ def _tray(rng, body, wide, depth, legs, low, unit, trim: Material):
         knob = cylinder("x", [at[0] - 1.1 * r, y, at[2]], 1.1 * r, 0.8 * r, r, segments=18)
         mark = box([at[0] - 1.5 * r, y - 0.2 * r, at[2]], [at[0] - 1.1 * r, y + 0.2 * r, at[2] + r])
         joint = hinge(at, (1, 0, 0), np.deg2rad(270)) if rng.random() < 0.6 else turn(at, (1, 0, 0))
-        shape = Shape().add(knob, trim).add(mark, finish(rng))
+        shape = Shape().add(knob, trim).add(mark, draw_finish(rng))
         return (solid, tone), [("knob", shape, joint)]
     air, w = 0.3 * unit, float(rng.uniform(0.18, 0.3)) * wide
     lo, hi = [0, -w, legs + 0.8 * unit], [0.7 * depth, w, legs + 4.6 * unit]

@@ -15,8 +15,8 @@ from uniart_jax.procedural.everyday.soap_dispensers import pump, spray, wall_soa
 from uniart_jax.procedural.everyday.vessel_finishes import (
     clear,
     contrast,
-    dispenser_accent,
-    dispenser_plastic,
+    draw_dispenser_accent,
+    draw_dispenser_plastic,
 )
 from uniart_jax.procedural.everyday.vessel_fittings import dome
 from uniart_jax.procedural.everyday.vessels import frustum, stack
@@ -41,7 +41,7 @@ def _cereal(rng: np.random.Generator) -> ArticulatedObject:
     height = float(rng.uniform(0.18, 0.3))
     unit = height / 60
     half = height * float(rng.uniform(0.24, 0.34))
-    face, tone = dispenser_plastic(rng), dispenser_accent(rng)
+    face, tone = draw_dispenser_plastic(rng), draw_dispenser_accent(rng)
     legs = float(rng.uniform(10, 22)) * unit
     neck, block = half * 0.75, float(rng.uniform(15, 20)) * unit
     power = 2.0 if sweets or rng.random() < 0.5 else 6.0
@@ -106,7 +106,7 @@ def _napkins(rng: np.random.Generator) -> ArticulatedObject:
     height = float(rng.uniform(0.08, 0.24))
     unit = max(2 * half, depth, height) / 100
     wall, air = 2.2 * unit, 0.5 * unit
-    face, tone = dispenser_plastic(rng), dispenser_accent(rng)
+    face, tone = draw_dispenser_plastic(rng), draw_dispenser_accent(rng)
     face = materials.wood(rng, textured=False) if rng.random() < 0.2 else face
     case = box([0, -half, 0], [depth, half, height])
     case -= box([wall, -half + wall, wall], [depth - wall, half - wall, 1])

@@ -22,6 +22,7 @@ from uniart_jax.procedural.everyday.display_stands import (
 )
 from uniart_jax.procedural.fronts import add_knob
 from uniart_jax.procedural.materials import Material, plain
+from uniart_jax.procedural.pieces import layered, merged
 from uniart_jax.procedural.shapes import (
     Assembly,
     Shape,
@@ -31,9 +32,7 @@ from uniart_jax.procedural.shapes import (
     extrusion,
     hinge,
     hull,
-    layered,
     loft,
-    merged,
     pipe,
     rounded,
     slide,
@@ -53,7 +52,7 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     return obj.shown_at(ends) if ends.any() else obj
 
 
-def _case(rng: np.random.Generator) -> Material:
+def _draw_finish(rng: np.random.Generator) -> Material:
     """Black, white, silver or coloured plastic."""
     kind = rng.choice(4, p=[0.4, 0.22, 0.18, 0.2])
     if kind == 3:
@@ -91,7 +90,7 @@ def _screen(rng, at, wide: float, tall: float, unit: float, case) -> tuple[Shape
         w = max(h, float(rng.uniform(1.7, 4)) * unit)
         h = max(h, 1.6 * unit)
         first = float(rng.choice([0, 0.4 * wide - 2.6 * w * count])) - 1.3 * w * (count - 1)
-        tone = _case(rng)
+        tone = _draw_finish(rng)
         for k in range(count):
             y, z = first + 2.6 * w * k, chin / 2 - tall / 2
             key = box([front - press, y - w, z - h], [front + 0.3 * unit, y + w, z + h])
@@ -125,7 +124,7 @@ def _joined(links: list[Link], keys: list[Link]) -> Assembly:
 
 def _tidied(shape: Shape) -> Shape:
     """A shape whose solids no longer overlap; the later ones are cut."""
-    return layered((union(solids), material) for material, solids in shape._solids.items())
+    return layered(shape.pieces())
 
 
 def _measures(rng, least: float, most: float) -> tuple[float, float]:
@@ -141,8 +140,8 @@ def _on_stand(rng: np.random.Generator) -> Assembly:
     cart = rng.random() < 0.18
     wide, tall = _measures(rng, *((0.8, 1.4) if cart else (0.35, 0.9)))
     unit, air = wide / 100, 0.3 * wide / 100
-    case = _case(rng)
-    metal = case if rng.random() < 0.4 else _case(rng)
+    case = _draw_finish(rng)
+    metal = case if rng.random() < 0.4 else _draw_finish(rng)
     odds = {"swivel": 0.0 if cart else 0.5, "lift": 0.45, "tilt": 0.7, "pivot": 0.2}
     moves = {name: bool(rng.random() < share) for name, share in odds.items()}
     if not any(moves.values()):
@@ -159,6 +158,7 @@ def _on_stand(rng: np.random.Generator) -> Assembly:
     flat = float(rng.uniform(1, 3)) if rng.random() < 0.6 else 0.0
 
     def bar(low: float, end: float, grow: float) -> Manifold:
+        """The column, round or flat, between two heights, grown by ``grow`` metres."""
         if not flat:
             return cylinder("z", [x, 0, low], end - low, post + grow, segments=20)
         outline = rounded(2 * (post + grow), 2 * (flat * post + grow), 0.5 * post)
@@ -199,8 +199,8 @@ def _on_arm(rng: np.random.Generator) -> Assembly:
     clamp."""
     wide, tall = _measures(rng, 0.45, 0.8)
     unit, air = wide / 100, 0.3 * wide / 100
-    case, metal = _case(rng), _case(rng)
-    tone = metal if rng.random() < 0.5 else _case(rng)
+    case, metal = _draw_finish(rng), _draw_finish(rng)
+    tone = metal if rng.random() < 0.5 else _draw_finish(rng)
     count = int(rng.choice([1, 2], p=[0.35, 0.65]))
     r, thick = float(rng.uniform(2.2, 3)) * unit, float(rng.uniform(2.5, 4.5)) * unit
     side = float(rng.choice([-1, 1]))
@@ -226,7 +226,7 @@ def _on_arm(rng: np.random.Generator) -> Assembly:
     else:
         root.add(cylinder("z", [*post, 0], low, 0.8 * r, segments=18), tone)
         root.add(cylinder("z", [*post, low - 2 * r], 2 * r, r, segments=18), tone)
-        clamp = add_clamp(rng, root, post, wide, unit, metal)
+        clamp = add_clamp(rng, root, post, unit, metal)
     links: list[Link] = [("base", root, None)]
     for k in range(count):
         a, b, z0 = points[k], points[k + 1], low + air + k * (thick + air)
@@ -262,7 +262,7 @@ def _old_set(rng: np.random.Generator) -> Assembly:
     wide = float(rng.uniform(0.3, 0.7))
     tall, deep = wide * float(rng.uniform(0.68, 0.95)), wide * float(rng.uniform(0.5, 0.95))
     unit, air = wide / 100, 0.3 * wide / 100
-    case = materials.wood(rng) if rng.random() < 0.4 else _case(rng)
+    case = materials.wood(rng) if rng.random() < 0.4 else _draw_finish(rng)
     trim = materials.hardware(rng)
     foot = str(rng.choice(["none", "legs", "swivel", "cradle"], p=[0.2, 0.3, 0.25, 0.25]))
     legs = {"none": 1.5, "legs": float(rng.uniform(8, 60)), "swivel": 3.5, "cradle": 11.5}[foot]
@@ -289,7 +289,7 @@ def _old_set(rng: np.random.Generator) -> Assembly:
     bulge = loft(0.85 * glass[:, ::-1], glass[:, ::-1], 0, 2.5 * unit).rotate((90, 0, 90))
     bulge = bulge.translate((-2.5 * unit, *centre))
     plate = box([-0.4 * unit, *panel_lo], [0, *panel_hi])
-    solids = [(body, case), (plate, _case(rng)), (bulge, _picture(rng))]
+    solids = [(body, case), (plate, _draw_finish(rng)), (bulge, _picture(rng))]
     asm, stand = Assembly(), Shape()
     joint, root = None, -1
     mid_x = deep * 0.45

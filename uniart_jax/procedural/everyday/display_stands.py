@@ -128,7 +128,7 @@ def flat_bar(a, b, r: float, z: float, thick: float) -> Manifold:
     return extrusion(np.array([a - side, b - side, b + side, a + side]), "z", [0, 0, z], thick)
 
 
-def add_clamp(rng, root: Shape, post, wide: float, unit: float, metal: Material) -> list[Link]:
+def add_clamp(rng, root: Shape, post, unit: float, metal: Material) -> list[Link]:
     """Add a foot plate under the post (metres); or a clamp for a table's edge, whose screw is
     returned."""
     x, y = post
@@ -145,7 +145,7 @@ def add_clamp(rng, root: Shape, post, wide: float, unit: float, metal: Material)
     hole = cylinder("z", [*at, low - 1], 2, r + 0.3 * unit, segments=16) ^ box(
         [-9, -9, low - 1], [9, 9, low + 2 * thick]
     )
-    root._solids[metal] = [union(root._solids[metal]) - hole]
+    root.cut(hole, metal)
     rod = cylinder("z", [*at, low - 5 * unit], thick + 7.5 * unit, r, segments=16)
     pad = cylinder("z", [*at, low + thick + 0.5 * unit], 2 * unit, 3 * unit, segments=18)
     grip = cylinder("z", [*at, low - 7 * unit], 3 * unit, 3.4 * unit, segments=6)

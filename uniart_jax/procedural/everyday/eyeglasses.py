@@ -31,7 +31,7 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
     return makers[rng.choice(5, p=[0.48, 0.07, 0.12, 0.1, 0.23])](rng)
 
 
-def _frame_tone(rng: np.random.Generator) -> Material:
+def _draw_frame_finish(rng: np.random.Generator) -> Material:
     """Black, horn, metal, gold or bright plastic."""
     kind = rng.choice(4, p=[0.25, 0.2, 0.25, 0.3])
     if kind == 0:
@@ -41,7 +41,7 @@ def _frame_tone(rng: np.random.Generator) -> Material:
     return materials.hardware(rng) if kind == 2 else plain(rng.uniform([0.05] * 3, [0.95] * 3))
 
 
-def _lens_tone(rng: np.random.Generator) -> Material:
+def _draw_lens_finish(rng: np.random.Generator) -> Material:
     """Clear, dark or tinted glass."""
     if rng.random() < 0.6:
         return materials.glass(rng)
@@ -103,8 +103,8 @@ def _glasses(rng: np.random.Generator) -> ArticulatedObject:
     up."""
     width = float(rng.uniform(0.125, 0.155))
     unit, air = width / 100, width / 250
-    tone, glass = _frame_tone(rng), _lens_tone(rng)
-    arm_tone = tone if rng.random() < 0.65 else _frame_tone(rng)
+    tone, glass = _draw_frame_finish(rng), _draw_lens_finish(rng)
+    arm_tone = tone if rng.random() < 0.65 else _draw_frame_finish(rng)
     thick, rim = float(rng.uniform(2.2, 4)) * unit, float(rng.uniform(1.2, 4)) * unit
     gap = float(rng.uniform(11, 17)) * unit
     asm, frame = Assembly(), Shape()
@@ -174,16 +174,16 @@ def _glasses(rng: np.random.Generator) -> ArticulatedObject:
         bridge = box([x - t, -middle, z - 4 * unit], [x, middle, z - unit])
         both = union([*panes, bridge])
         joint = hinge((x, 0, z), (0, 1, 0), float(np.deg2rad(rng.uniform(70, 110))))
-        asm.add("shades", Shape().add(tidy(both), _lens_tone(rng)), root, joint)
+        asm.add("shades", Shape().add(tidy(both), _draw_lens_finish(rng)), root, joint)
     return asm.object()
 
 
 def _lorgnette(rng: np.random.Generator) -> ArticulatedObject:
     """Two lenses and a handle at one side that swings behind them."""
     wide = float(rng.uniform(0.035, 0.05))
-    unit, tone, frame, asm = wide / 40, _frame_tone(rng), Shape(), Assembly()
+    unit, tone, frame, asm = wide / 40, _draw_frame_finish(rng), Shape(), Assembly()
     gap, rim = float(rng.uniform(8, 16)) * unit, float(rng.uniform(2, 3.5)) * unit
-    _, rims, wells = _pair(rng, frame, wide, gap, rim, 3 * unit, _lens_tone(rng))
+    _, rims, wells = _pair(rng, frame, wide, gap, rim, 3 * unit, _draw_lens_finish(rng))
     side = float(rng.choice([-1, 1]))
     edge = side * (gap / 2 + wide + 0.5 * rim)
     hub = cylinder("x", [-3 * unit, edge, 0], 3 * unit, 4 * unit)
@@ -200,7 +200,7 @@ def _lorgnette(rng: np.random.Generator) -> ArticulatedObject:
     way = bar.rotate((-angle, 0, 0))
     solid = way if side > 0 else way.mirror((0, 1, 0))
     solid = solid.translate((0.4 * unit, edge, 0))
-    handle = Shape().add(tidy(solid), tone if rng.random() < 0.5 else _frame_tone(rng))
+    handle = Shape().add(tidy(solid), tone if rng.random() < 0.5 else _draw_frame_finish(rng))
     swing = float(np.deg2rad(180 - angle))
     asm.add("handle", handle, root, hinge((0, edge, 0), (-side, 0, 0), swing))
     return asm.object()
@@ -209,7 +209,7 @@ def _lorgnette(rng: np.random.Generator) -> ArticulatedObject:
 def _shield(rng: np.random.Generator) -> ArticulatedObject:
     """A band around the head and a visor or mask that swings up about its ends."""
     r = float(rng.uniform(0.085, 0.1))
-    unit, tone = r / 50, _frame_tone(rng)
+    unit, tone = r / 50, _draw_frame_finish(rng)
     w, t, air = float(rng.uniform(5, 10)) * unit, 2.2 * unit, 0.6 * unit
     asm, band = Assembly(), Shape()
     hoop = tube("z", [0, 0, -w], 2 * w, r, r - t, 48)
@@ -218,7 +218,7 @@ def _shield(rng: np.random.Generator) -> ArticulatedObject:
         hoop = union([hoop, arch])
     band.add(tidy(hoop), tone)
     big = float(np.hypot(r, w)) + 2 * unit
-    knob_tone = _frame_tone(rng)
+    knob_tone = _draw_frame_finish(rng)
     hubs = [
         cylinder(
             "y",
@@ -241,10 +241,10 @@ def _shield(rng: np.random.Generator) -> ArticulatedObject:
         ears.append(box([-0.35 * r, y0, -0.8 * w], [0, y1, 0.8 * w]))
     shape = Shape()
     visor = union([shell, *ears])
-    glass = _lens_tone(rng)
+    glass = _draw_lens_finish(rng)
     window = box([-1, -0.6 * r, -0.5 * r], [-0.3 * r, 0.6 * r, 0.1 * r])
     if mask:
-        shape.add(tidy(visor - window), _frame_tone(rng)).add(tidy(shell ^ window), glass)
+        shape.add(tidy(visor - window), _draw_frame_finish(rng)).add(tidy(shell ^ window), glass)
     else:
         rim = box([-1, -1, up - 0.2 * r], [1, 1, 1])
         shape.add(tidy(visor - rim), glass).add(tidy(visor ^ rim), tone)
@@ -257,7 +257,7 @@ def _shield(rng: np.random.Generator) -> ArticulatedObject:
 def _magnifier(rng: np.random.Generator) -> ArticulatedObject:
     """One to three lenses that swing out from between the plates of a case."""
     r = float(rng.uniform(0.015, 0.035))
-    unit, tone, asm, case = r / 25, _frame_tone(rng), Assembly(), Shape()
+    unit, tone, asm, case = r / 25, _draw_frame_finish(rng), Assembly(), Shape()
     count = int(rng.choice([1, 2, 3], p=[0.5, 0.3, 0.2]))
     t, leaf, air = 4 * unit, float(rng.uniform(5, 8)) * unit, 0.8 * unit
     big, far = r + 3 * unit, 1.45 * r
@@ -279,7 +279,7 @@ def _magnifier(rng: np.random.Generator) -> ArticulatedObject:
     if not upright:
         turned[:3, :3] = [[0, 0, -1], [0, 1, 0], [1, 0, 0]]
     root = asm.add("case", case.moved(turned))
-    glass, rim = _lens_tone(rng), _frame_tone(rng)
+    glass, rim = _draw_lens_finish(rng), _draw_frame_finish(rng)
     side, opened = float(rng.choice([-1, 1])), rng.random() < 0.7
     for k in range(count):
         x, radius = air + k * (leaf + air), r * (1 - 0.1 * k)
@@ -315,8 +315,8 @@ def _magnifier(rng: np.random.Generator) -> ArticulatedObject:
 def _headphones(rng: np.random.Generator) -> ArticulatedObject:
     """A band over the head with arms that slide out, cups that turn on them, and a microphone."""
     r = float(rng.uniform(0.07, 0.085))
-    unit, tone, air = r / 50, _frame_tone(rng), r / 120
-    pad = materials.dark(rng) if rng.random() < 0.7 else _frame_tone(rng)
+    unit, tone, air = r / 50, _draw_frame_finish(rng), r / 120
+    pad = materials.dark(rng) if rng.random() < 0.7 else _draw_frame_finish(rng)
     w, t = float(rng.uniform(5, 11)) * unit, float(rng.uniform(2.5, 4.5)) * unit
     asm, band = Assembly(), Shape()
     squash = float(rng.uniform(0.85, 1.15))
@@ -336,7 +336,7 @@ def _headphones(rng: np.random.Generator) -> ArticulatedObject:
     root = asm.add("band", band)
     big, deep = float(rng.uniform(20, 30)) * unit, float(rng.uniform(9, 15)) * unit
     oval = float(rng.uniform(1.0, 1.3))
-    cup_tone = tone if rng.random() < 0.5 else _frame_tone(rng)
+    cup_tone = tone if rng.random() < 0.5 else _draw_frame_finish(rng)
     metal = materials.hardware(rng) if rng.random() < 0.5 else cup_tone
     slides, mic = rng.random() < 0.7, rng.random() < 0.3
     swivel, pull = float(np.deg2rad(rng.choice([45, 90]))), float(rng.uniform(8, 16)) * unit

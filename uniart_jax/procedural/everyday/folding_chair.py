@@ -13,10 +13,10 @@ from uniart_jax.procedural.everyday.folding_frames import (
     angle_between,
     bar,
     bar_frame,
-    cover_finish,
-    frame_finish,
+    draw_cover_finish,
+    draw_frame_finish,
+    frame_shape,
     panel,
-    trimmed,
 )
 from uniart_jax.procedural.shapes import (
     PartSpec,
@@ -53,8 +53,8 @@ def build(rng: np.random.Generator) -> ArticulatedObject:
 
 def _chair(rng: np.random.Generator) -> list[PartSpec]:
     """A chair: front legs and back in one frame, rear legs about a bolt, a seat that tips up."""
-    tone, square = frame_finish(rng)
-    cover = cover_finish(rng, tone)
+    tone, square = draw_frame_finish(rng)
+    cover = draw_cover_finish(rng, tone)
     tall = float(rng.choice([1.0, rng.uniform(1.3, 1.6)], p=[0.85, 0.15]))  # bar chairs
     seat, r = float(rng.uniform(0.4, 0.48)) * tall, float(rng.uniform(0.012, 0.021))
     half, back = float(rng.uniform(0.18, 0.26)), float(rng.uniform(0.32, 0.5))
@@ -86,7 +86,7 @@ def _chair(rng: np.random.Generator) -> list[PartSpec]:
         for y in np.linspace(-0.7, 0.7, int(rng.integers(3, 7))) * half:
             ends = [knee + [slope * z, z] for z in (low + 0.02, back - 0.02)]
             rests.append(bar(ends, y, 0.4 * r, True))
-    main = trimmed((frame, tone), (union(rests), cover if kind == "panel" else tone))
+    main = frame_shape((frame, tone), (union(rests), cover if kind == "panel" else tone))
     parts: list[PartSpec] = [("frame", main, -1, None)]
     share = float(rng.uniform(0.75, 0.93))
     bolt = foot + share * (knee - foot)
@@ -105,7 +105,7 @@ def _chair(rng: np.random.Generator) -> list[PartSpec]:
     inside = [box([-9, -half - r - AIR / 2, -9], [9, half + r + AIR / 2, bolt[1] + 2 * r])]
     caps = [cut(c, inside) for c in caps]
     parts.append(
-        ("legs", trimmed((legs, legs_tone), (union(caps), materials.hardware(rng))), 0, joint)
+        ("legs", frame_shape((legs, legs_tone), (union(caps), materials.hardware(rng))), 0, joint)
     )
     thick, deep = float(rng.uniform(0.018, 0.05)), float(rng.uniform(0.34, 0.44))
     behind = float(rng.uniform(0.1, 0.28)) * deep
@@ -114,15 +114,15 @@ def _chair(rng: np.random.Generator) -> list[PartSpec]:
     slab = panel(rng, axis[0] + behind - deep, axis[0] + behind, inner, seat - thick / 2, thick)
     pin = cylinder("y", [axis[0], -inner, axis[1]], 2 * inner, 0.4 * thick, segments=10)
     up = float(np.deg2rad(rng.uniform(60, 80)))
-    shape = trimmed((slab + pin, cover))
+    shape = frame_shape((slab + pin, cover))
     parts.append(("seat", shape, 0, hinge((axis[0], 0, axis[1]), (0, 1, 0), up)))
     return parts
 
 
 def _lounger(rng: np.random.Generator) -> list[PartSpec]:
     """A lounger: a back that rises from flat, a knee rest, and wheels under the head."""
-    tone, square = frame_finish(rng)
-    cover = cover_finish(rng, tone)
+    tone, square = draw_frame_finish(rng)
+    cover = draw_cover_finish(rng, tone)
     long, half = float(rng.uniform(1.6, 2.0)), float(rng.uniform(0.27, 0.36))
     high, r = float(rng.uniform(0.26, 0.42)), float(rng.uniform(0.014, 0.026))
     rails = bar_frame(
@@ -141,19 +141,21 @@ def _lounger(rng: np.random.Generator) -> list[PartSpec]:
     knees = rng.random() < 0.6
     seat = panel(rng, (a if knees else 0.0) + AIR, b - AIR, inner, low - AIR, thick, slats)
     frame = union([rails, *legs])
-    parts: list[PartSpec] = [("base", trimmed((frame, tone), (seat, cover)), -1, None)]
+    parts: list[PartSpec] = [("base", frame_shape((frame, tone), (seat, cover)), -1, None)]
     back = panel(rng, b + thick, long, inner, low, thick, slats)
     up = float(np.deg2rad(rng.uniform(50, 80)))
-    parts.append(("back", trimmed((back, cover)), 0, hinge((b + thick, 0, low), (0, -1, 0), up)))
+    parts.append(
+        ("back", frame_shape((back, cover)), 0, hinge((b + thick, 0, low), (0, -1, 0), up))
+    )
     if knees:
         rest = panel(rng, 0.0, a - AIR - thick, inner, low, thick, slats)
         joint = hinge((a - AIR - thick, 0, low), (0, 1, 0), float(np.deg2rad(rng.uniform(25, 60))))
-        parts.append(("rest", trimmed((rest, cover)), 0, joint))
+        parts.append(("rest", frame_shape((rest, cover)), 0, joint))
     for s in (-1, 1) if wheels else ():
         y = s * (half + r + AIR) - (0.05 if s < 0 else 0.0)
         wheel = cylinder("y", [hub[0], y, radius], 0.05, radius, segments=22)
         joint = turn((hub[0], 0, radius), (0, 1, 0))
-        parts.append(("wheel", trimmed((wheel, materials.dark(rng))), 0, joint))
+        parts.append(("wheel", frame_shape((wheel, materials.dark(rng))), 0, joint))
     return parts
 
 
@@ -161,8 +163,8 @@ def _theatre(rng: np.random.Generator) -> list[PartSpec]:
     """Seats in a row between arms, or one on a wall plate. Each is tipped up at rest."""
     wall = rng.random() < 0.3
     count = 1 if wall else int(rng.choice([1, 2, 3, 4], p=[0.3, 0.35, 0.2, 0.15]))
-    tone, _ = frame_finish(rng)
-    cover = cover_finish(rng, tone)
+    tone, _ = draw_frame_finish(rng)
+    cover = draw_cover_finish(rng, tone)
     wide, side = float(rng.uniform(0.36, 0.5)), float(rng.uniform(0.04, 0.08))
     high, deep, thick = (
         float(rng.uniform(0.38, 0.46)),
@@ -208,5 +210,5 @@ def _theatre(rng: np.random.Generator) -> list[PartSpec]:
             (solid, hinge((-thick / 2, 0, high), (0, -1, 0), np.deg2rad(rng.uniform(78, 90))))
         )
     pieces = [(union(solids), tone)] + ([(union(backs), cover)] if backs else [])
-    parts: list[PartSpec] = [("stand", trimmed(*pieces), -1, None)]
-    return parts + [("seat", trimmed((solid, cover)), 0, joint) for solid, joint in seats]
+    parts: list[PartSpec] = [("stand", frame_shape(*pieces), -1, None)]
+    return parts + [("seat", frame_shape((solid, cover)), 0, joint) for solid, joint in seats]

@@ -10,23 +10,13 @@ from manifold3d import Manifold
 
 from uniart_jax.procedural import materials
 from uniart_jax.procedural.materials import Material, plain
-from uniart_jax.procedural.shapes import (
-    Shape,
-    box,
-    cylinder,
-    disjoint,
-    extrusion,
-    hull,
-    pipe,
-    rounded,
-    shape_of,
-    union,
-)
+from uniart_jax.procedural.pieces import trimmed
+from uniart_jax.procedural.shapes import Shape, box, cylinder, extrusion, hull, pipe, rounded, union
 
 AIR = 0.004  # metres between parts that move
 
 
-def frame_finish(rng: np.random.Generator) -> tuple[Material, bool]:
+def draw_frame_finish(rng: np.random.Generator) -> tuple[Material, bool]:
     """Draw the finish of a frame and whether its bars are square: wood, bare or painted metal,
     plastic."""
     if rng.random() < 0.4:
@@ -37,7 +27,7 @@ def frame_finish(rng: np.random.Generator) -> tuple[Material, bool]:
     return tones[kind], bool(rng.random() < 0.3)
 
 
-def cover_finish(rng: np.random.Generator, frame: Material) -> Material:
+def draw_cover_finish(rng: np.random.Generator, frame: Material) -> Material:
     """Draw the finish of a seat or a top: that of the frame, wood, cloth or plastic."""
     kind = rng.choice(4, p=[0.2, 0.25, 0.4, 0.15])
     if kind == 2:
@@ -102,7 +92,7 @@ def angle_between(a, b) -> float:
     return float(np.arccos(np.clip(a @ b / np.linalg.norm(a) / np.linalg.norm(b), -1, 1)))
 
 
-def trimmed(*pieces: tuple[Manifold, Material]) -> Shape:
+def frame_shape(*pieces: tuple[Manifold, Material]) -> Shape:
     """A shape of solids, one per material, tidied to 0.1 mm. Where they overlap, the later one is
     cut."""
-    return shape_of(disjoint(pieces, tidied=1e-4))
+    return trimmed(*pieces, tidied=1e-4)

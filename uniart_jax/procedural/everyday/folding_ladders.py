@@ -9,10 +9,10 @@ from uniart_jax.procedural.everyday.folding_frames import (
     AIR,
     angle_between,
     bar_frame,
-    cover_finish,
-    frame_finish,
+    draw_cover_finish,
+    draw_frame_finish,
+    frame_shape,
     panel,
-    trimmed,
 )
 from uniart_jax.procedural.shapes import (
     PartSpec,
@@ -26,7 +26,7 @@ from uniart_jax.procedural.shapes import (
 def ladder(rng: np.random.Generator) -> list[PartSpec]:
     """The parts of a step ladder (metres): treads in a frame, a rear frame hinged at the top, a
     platform that tips up."""
-    tone, square = frame_finish(rng)
+    tone, square = draw_frame_finish(rng)
     high = float(rng.uniform(0.45, 1.7))
     r, half = float(rng.uniform(0.013, 0.024)), float(rng.uniform(0.17, 0.27))
     count = max(2, round(high / float(rng.uniform(0.22, 0.3))))
@@ -40,8 +40,8 @@ def ladder(rng: np.random.Generator) -> list[PartSpec]:
         z = high * k / count
         x = z * lean
         steps.append(box([x - 0.65 * tread, -half, z], [x + 0.35 * tread, half, z + thick]))
-    cover = cover_finish(rng, tone)
-    parts: list[PartSpec] = [("frame", trimmed((rails, tone), (union(steps), cover)), -1, None)]
+    cover = draw_cover_finish(rng, tone)
+    parts: list[PartSpec] = [("frame", frame_shape((rails, tone), (union(steps), cover)), -1, None)]
     side = np.array([np.cos(np.arctan(lean)), -np.sin(np.arctan(lean))])
     bolt = np.array([high * lean, high - 2.5 * r]) + side * (2.1 * r + AIR)
     heel = np.array([bolt[0] + bolt[1] * float(rng.uniform(0.25, 0.5)), r])
@@ -53,7 +53,7 @@ def ladder(rng: np.random.Generator) -> list[PartSpec]:
     rear_tone = tone if rng.random() < 0.7 else materials.paint(rng)
     most = 0.72 * (angle_between(heel - bolt, foot - top))
     joint = hinge((bolt[0], 0, bolt[1]), (0, 1, 0), most)
-    parts.append(("legs", trimmed((rear, rear_tone)), 0, joint))
+    parts.append(("legs", frame_shape((rear, rear_tone)), 0, joint))
     inner = half - r - AIR if rise > high else half + r
     deep = float(rng.uniform(0.2, 0.32))
     x = high * lean + (0 if rise > high else -0.03)
@@ -64,14 +64,14 @@ def ladder(rng: np.random.Generator) -> list[PartSpec]:
     if rise > high:  # it turns in the rails, its rear up
         plate = panel(rng, x - 0.05, x + 0.75 * deep, inner, z, thick, False)
         up = float(np.deg2rad(rng.uniform(55, 68)))
-    parts.append(("platform", trimmed((plate, cover)), 0, hinge((at, 0, z), (0, -1, 0), up)))
+    parts.append(("platform", frame_shape((plate, cover)), 0, hinge((at, 0, z), (0, -1, 0), up)))
     return parts
 
 
 def rack(rng: np.random.Generator) -> list[PartSpec]:
     """The parts of a drying rack (metres): rods in a frame on crossed legs, and two wings that
     swing up."""
-    tone, _ = frame_finish(rng)
+    tone, _ = draw_frame_finish(rng)
     rods = tone if rng.random() < 0.5 else materials.white_plastic(rng)
     high, deep = float(rng.uniform(0.75, 1.05)), float(rng.uniform(0.45, 0.7))
     half, r = float(rng.uniform(0.24, 0.36)), float(rng.uniform(0.009, 0.015))
@@ -92,7 +92,7 @@ def rack(rng: np.random.Generator) -> list[PartSpec]:
         cylinder("y", [q, -half, high], 2 * half, 0.55 * r, segments=9)
         for q in np.linspace(-x, x, int(rng.integers(5, 9)))[1:-1]
     ]
-    parts: list[PartSpec] = [("stand", trimmed((body, tone), (union(lines), rods)), -1, None)]
+    parts: list[PartSpec] = [("stand", frame_shape((body, tone), (union(lines), rods)), -1, None)]
     long, count = float(rng.uniform(0.4, 0.7)) * high, int(rng.integers(3, 6))
     wide = half * float(rng.uniform(0.7, 1.0))
     swing = float(np.deg2rad(rng.uniform(85, 125)))
@@ -106,5 +106,5 @@ def rack(rng: np.random.Generator) -> list[PartSpec]:
             cylinder("y", [at, -wide, z], 2 * wide, 0.55 * r, segments=9) for z in levels[1:-1]
         ]
         joint = hinge((at, 0, high), (0, -s, 0), swing)
-        parts.append(("wing", trimmed((wing, tone), (union(lines), rods)), 0, joint))
+        parts.append(("wing", frame_shape((wing, tone), (union(lines), rods)), 0, joint))
     return parts

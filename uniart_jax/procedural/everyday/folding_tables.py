@@ -9,10 +9,10 @@ from uniart_jax.procedural.everyday.folding_frames import (
     AIR,
     angle_between,
     bar_frame,
-    cover_finish,
-    frame_finish,
+    draw_cover_finish,
+    draw_frame_finish,
+    frame_shape,
     panel,
-    trimmed,
 )
 from uniart_jax.procedural.shapes import (
     PartSpec,
@@ -30,8 +30,8 @@ def crossed(rng: np.random.Generator) -> list[PartSpec]:
     """The parts of a tray, stool or ironing board (metres): two frames that cross at a bolt, and a
     top hinged to one."""
     kind = rng.choice(["tray", "stool", "board"], p=[0.4, 0.25, 0.35])
-    tone, square = frame_finish(rng)
-    cover = cover_finish(rng, tone)
+    tone, square = draw_frame_finish(rng)
+    cover = draw_cover_finish(rng, tone)
     if kind == "board":
         high, spread, half = rng.uniform(0.7, 0.95), rng.uniform(0.32, 0.5), rng.uniform(0.1, 0.19)
         r, long, wide = rng.uniform(0.011, 0.018), rng.uniform(1.1, 1.45), rng.uniform(0.3, 0.44)
@@ -58,7 +58,7 @@ def crossed(rng: np.random.Generator) -> list[PartSpec]:
     ]
     bolts = [b - box([-9, -half + r, -9], [9, half - r, 9]) for b in bolts]
     parts: list[PartSpec] = [
-        ("frame", trimmed((first, tone), (union(bolts), materials.hardware(rng))), -1, None)
+        ("frame", frame_shape((first, tone), (union(bolts), materials.hardware(rng))), -1, None)
     ]
     other = way * [-1, 1]
     second = bar_frame(
@@ -71,7 +71,7 @@ def crossed(rng: np.random.Generator) -> list[PartSpec]:
     most = angle_between(-other, way)  # down at the side, clear of the top
     most -= np.arcsin(min(0.9, 2.6 * r / (d1 * np.linalg.norm(way)))) + 0.05
     legs = tone if rng.random() < 0.8 else materials.paint(rng)
-    parts.append(("legs", trimmed((second, legs)), 0, hinge((0, 0, high / 2), (0, 1, 0), most)))
+    parts.append(("legs", frame_shape((second, legs)), 0, hinge((0, 0, high / 2), (0, 1, 0), most)))
     z, thick = high + 0.6 * AIR, float(rng.uniform(0.014, 0.04))
     z = z + 0.5 * r if square else z  # square bars end a little beyond
     if kind == "board":
@@ -113,7 +113,7 @@ def crossed(rng: np.random.Generator) -> list[PartSpec]:
             ]
         angle = rng.uniform(75, 92)
     joint = hinge((at, 0, z), (0, -1, 0), float(np.deg2rad(angle)))  # up, off the legs
-    parts.append(("top", trimmed(*pieces), 0, joint))
+    parts.append(("top", frame_shape(*pieces), 0, joint))
     return parts
 
 
@@ -121,8 +121,8 @@ def table(rng: np.random.Generator) -> list[PartSpec]:
     """The parts of a folding table or bench (metres): a long top, legs at each end that fold under
     it, and drop leaves."""
     bench = rng.random() < 0.25
-    tone, square = frame_finish(rng)
-    cover = cover_finish(rng, tone)
+    tone, square = draw_frame_finish(rng)
+    cover = draw_cover_finish(rng, tone)
     high = float(rng.uniform(0.38, 0.48) if bench else rng.uniform(0.55, 0.76))
     long = float(rng.uniform(0.8, 1.7))
     deep = float(rng.uniform(0.25, 0.36) if bench else rng.uniform(0.4, 0.8))
@@ -156,14 +156,16 @@ def table(rng: np.random.Generator) -> list[PartSpec]:
         for x in (-half - 2 * r - AIR, half + r + AIR):  # lugs beside the posts
             blocks.append(box([x, y - r, z - r], [x + r, y + r, low]))
     parts: list[PartSpec] = [
-        ("top", trimmed((top, cover), (union(blocks), materials.hardware(rng))), -1, None)
+        ("top", frame_shape((top, cover), (union(blocks), materials.hardware(rng))), -1, None)
     ]
-    parts += [("legs", trimmed((solid, tone)), 0, joint) for solid, joint in legs]
+    parts += [("legs", frame_shape((solid, tone)), 0, joint) for solid, joint in legs]
     wide = float(rng.uniform(0.3, 0.8)) * deep
     wide = min(wide, 0.75 * high)
     for s in (-1, 1)[:leaves]:
         x = s * (deep / 2 + AIR)
         ends = sorted((x, x + s * thick))
         leaf = box([ends[0], -long / 2, low - wide], [ends[1], long / 2, low])
-        parts.append(("leaf", trimmed((leaf, cover)), 0, hinge((x, 0, low), (0, -s, 0), np.pi / 2)))
+        parts.append(
+            ("leaf", frame_shape((leaf, cover)), 0, hinge((x, 0, low), (0, -s, 0), np.pi / 2))
+        )
     return parts

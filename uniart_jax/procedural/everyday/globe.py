@@ -19,6 +19,7 @@ from uniart_jax.procedural.everyday.spinning_racks import spinning_rack
 from uniart_jax.procedural.everyday.tripod_devices import tripod
 from uniart_jax.procedural.everyday.turning_frames import framed
 from uniart_jax.procedural.materials import TEXTURE_SIZE, Material, plain
+from uniart_jax.procedural.pieces import merged
 from uniart_jax.procedural.shapes import (
     Assembly,
     Shape,
@@ -26,7 +27,6 @@ from uniart_jax.procedural.shapes import (
     box,
     cylinder,
     hinge,
-    merged,
     tidy,
     tube,
     turn,
@@ -96,7 +96,7 @@ def _globe(rng: np.random.Generator) -> ArticulatedObject:
     size = radius * float(rng.uniform(0.55, 0.95))
     top = center[2] - outer + 0.3 * band
     if kind == "horizon":
-        add_horizon(rng, stand, center, outer, wide, unit, finish)
+        add_horizon(rng, stand, center, outer, unit, finish)
         stand.add(tidy(arc - stand.solid()), metal)
     elif kind == "arc":
         base = draw_foot(rng, size, foot, top, float(rng.uniform(1.5, 3.5)) * unit)

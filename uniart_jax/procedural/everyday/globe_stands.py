@@ -79,7 +79,7 @@ def draw_foot(rng, size: float, high: float, top: float, thick: float) -> Manifo
     return union(post)
 
 
-def add_horizon(rng, stand: Shape, center, outer, wide, unit, finish: Material) -> None:
+def add_horizon(rng, stand: Shape, center, outer, unit, finish: Material) -> None:
     """Add a horizontal ring around a globe (metres), on legs whose bars carry a post under the
     meridian ring."""
     wall = float(rng.uniform(5, 10)) * unit

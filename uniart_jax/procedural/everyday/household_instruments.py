@@ -8,6 +8,7 @@ from manifold3d import Manifold
 from uniart_jax.procedural import materials
 from uniart_jax.procedural.everyday import clock_dials
 from uniart_jax.procedural.materials import plain
+from uniart_jax.procedural.pieces import trimmed
 from uniart_jax.procedural.shapes import (
     PartSpec,
     Shape,
@@ -32,7 +33,11 @@ def scale(rng: np.random.Generator) -> list[PartSpec]:
     a knob."""
     radius = float(rng.uniform(0.06, 0.12))
     wide, depth = 2.6 * radius * float(rng.uniform(1, 1.3)), radius * float(rng.uniform(1.1, 2))
-    high, tone, metal = 2.7 * radius, clock_dials.finish(rng), materials.metal(rng, brushed=False)
+    high, tone, metal = (
+        2.7 * radius,
+        clock_dials.draw_finish(rng),
+        materials.metal(rng, brushed=False),
+    )
     narrow = float(rng.uniform(0.6, 1.0))
     ends = [[-wide / 2, 0], [wide / 2, 0], [narrow * wide / 2, high], [-narrow * wide / 2, high]]
     if narrow * wide < 2.3 * radius:
@@ -72,10 +77,10 @@ def scale(rng: np.random.Generator) -> list[PartSpec]:
     else:
         plan = rounded(1.5 * size, 2 * size, float(rng.uniform(0.02, 0.6)) * size)
         pan = extrusion(plan, "z", [depth / 2, 0, low], 1.5 * t)
-    finish = metal if rng.random() < 0.5 else clock_dials.finish(rng)
+    finish = metal if rng.random() < 0.5 else clock_dials.draw_finish(rng)
     joint = slide((0, 0, -1), 0.8 * lift)
-    parts.append(("pan", clock_dials.trimmed((pan, finish), (stem, metal)), 0, joint))
-    parts[0] = ("body", clock_dials.trimmed(*pieces, (body, tone)), -1, None)
+    parts.append(("pan", trimmed((pan, finish), (stem, metal)), 0, joint))
+    parts[0] = ("body", trimmed(*pieces, (body, tone)), -1, None)
     return parts
 
 
@@ -110,9 +115,9 @@ def gauge(rng: np.random.Generator) -> list[PartSpec]:
         base += box(
             [0.2 * depth, -0.3 * radius, -1.3 * outer], [0.8 * depth, 0.3 * radius, -0.8 * outer]
         )
-    tone = clock_dials.finish(rng)
+    tone = clock_dials.draw_finish(rng)
     needle = clock_dials.needle(rng, front, 0, 0, radius, ink, float(rng.uniform(3.8, 5.2)))
-    body = clock_dials.trimmed(
+    body = trimmed(
         *pieces, (rim, metal if rng.random() < 0.5 else tone), (case, tone), (base, metal)
     )
     return [("case", body, -1, None), needle]
@@ -124,7 +129,7 @@ def metronome(rng: np.random.Generator) -> list[PartSpec]:
     high = float(rng.uniform(0.14, 0.25))
     wide, tone, metal = (
         high * float(rng.uniform(0.5, 0.65)),
-        clock_dials.finish(rng),
+        clock_dials.draw_finish(rng),
         materials.metal(rng),
     )
     top, depth = wide * float(rng.uniform(0.25, 0.5)), wide * float(rng.uniform(0.6, 0.9))
@@ -155,15 +160,16 @@ def metronome(rng: np.random.Generator) -> list[PartSpec]:
     weight = extrusion(plan, "x", [x - 0.1 * wide, 0, at], 0.078 * wide)
 
     def swung(solid: Manifold) -> Manifold:
+        """``solid`` swung out to one side."""
         return rotated(solid, (-out, 0, 0), (0, 0, z))
 
     way = np.array([0, -np.sin(np.deg2rad(-out)), np.cos(np.deg2rad(-out))])
     parts: list[PartSpec] = [
         (
             "case",
-            clock_dials.trimmed(
+            trimmed(
                 (base, tone),
-                (low, clock_dials.finish(rng) if rng.random() < 0.4 else tone),
+                (low, clock_dials.draw_finish(rng) if rng.random() < 0.4 else tone),
                 (board, metal),
             ),
             -1,
@@ -173,7 +179,7 @@ def metronome(rng: np.random.Generator) -> list[PartSpec]:
     parts.append(
         (
             "rod",
-            clock_dials.trimmed((swung(rod), metal)),
+            trimmed((swung(rod), metal)),
             0,
             hinge((x, 0, z), (1, 0, 0), np.deg2rad(2 * out)),
         )
@@ -182,7 +188,7 @@ def metronome(rng: np.random.Generator) -> list[PartSpec]:
     parts.append(
         (
             "weight",
-            clock_dials.trimmed((swung(weight), materials.hardware(rng))),
+            trimmed((swung(weight), materials.hardware(rng))),
             1,
             slide(-way, travel),
         )
@@ -195,15 +201,19 @@ def metronome(rng: np.random.Generator) -> list[PartSpec]:
     key += box(
         [depth / 2 - r, wing, q - 0.45 * r], [depth / 2 + r, wing + 0.16 * wide, q + 0.45 * r]
     )
-    parts.append(("key", clock_dials.trimmed((key, metal)), 0, turn((depth / 2, 0, q), (0, 1, 0))))
+    parts.append(("key", trimmed((key, metal)), 0, turn((depth / 2, 0, q), (0, 1, 0))))
     return parts
 
 
 def timer(rng: np.random.Generator) -> list[PartSpec]:
     """The parts of a kitchen timer (metres): an egg, tomato or drum whose upper half turns, or a
     box with a large dial."""
-    size, tone, mark = float(rng.uniform(0.025, 0.05)), clock_dials.finish(rng), materials.dark(rng)
-    other = tone if rng.random() < 0.5 else clock_dials.finish(rng)
+    size, tone, mark = (
+        float(rng.uniform(0.025, 0.05)),
+        clock_dials.draw_finish(rng),
+        materials.dark(rng),
+    )
+    other = tone if rng.random() < 0.5 else clock_dials.draw_finish(rng)
     sweep = float(rng.uniform(4.6, 6.0))
     if rng.random() < 0.55:
         angle = np.linspace(-np.pi / 2, np.pi / 2, 17)
@@ -225,11 +235,9 @@ def timer(rng: np.random.Generator) -> list[PartSpec]:
         dot = dot ^ (body.scale((1.02, 1.02, 1)) - body)
         lower = box([-2 * size, -0.06 * size, seam - 0.3 * tall], [0, 0.06 * size, seam])
         lower = lower ^ (body.scale((1.02, 1.02, 1)) - body)
-        parts: list[PartSpec] = [
-            ("body", clock_dials.trimmed((low, tone), (lower, mark)), -1, None)
-        ]
+        parts: list[PartSpec] = [("body", trimmed((low, tone), (lower, mark)), -1, None)]
         joint = hinge((0, 0, seam), (0, 0, 1), sweep)
-        parts.append(("dial", clock_dials.trimmed((high, other), (dot, mark)), 0, joint))
+        parts.append(("dial", trimmed((high, other), (dot, mark)), 0, joint))
         return parts
     wide, high, depth = (
         2.6 * size,
@@ -250,8 +258,8 @@ def timer(rng: np.random.Generator) -> list[PartSpec]:
         [front - 2 * reach - 0.05 * size, -0.06 * size, z + 0.3 * size],
         [front - 2 * reach, 0.06 * size, z + 0.66 * size],
     )
-    dial = clock_dials.trimmed((knob + grip, other), (point, plain((0.9, 0.2, 0.15))))
-    parts: list[PartSpec] = [("case", clock_dials.trimmed(*pieces, (case, tone)), -1, None)]
+    dial = trimmed((knob + grip, other), (point, plain((0.9, 0.2, 0.15))))
+    parts: list[PartSpec] = [("case", trimmed(*pieces, (case, tone)), -1, None)]
     parts.append(("dial", dial, 0, hinge((0, 0, z), (1, 0, 0), sweep)))
     return parts
 
@@ -261,7 +269,7 @@ def weather_house(rng: np.random.Generator) -> list[PartSpec]:
     that turns."""
     wide = float(rng.uniform(0.12, 0.25))
     high, depth, wall = 0.8 * wide, wide * float(rng.uniform(0.5, 0.7)), 0.05 * wide
-    tone, roof, board = clock_dials.finish(rng), clock_dials.finish(rng), 0.06 * wide
+    tone, roof, board = clock_dials.draw_finish(rng), clock_dials.draw_finish(rng), 0.06 * wide
     shape = np.array(
         [[-wide / 2, 0], [wide / 2, 0], [wide / 2, high], [0, 1.45 * high], [-wide / 2, high]]
     )
@@ -284,7 +292,7 @@ def weather_house(rng: np.random.Generator) -> list[PartSpec]:
         [-0.15 * wide, 0, board],
         depth + 0.2 * wide,
     )
-    pieces = [(floor, clock_dials.finish(rng)), (eave, roof), (body, tone)]
+    pieces = [(floor, clock_dials.draw_finish(rng)), (eave, roof), (body, tone)]
     x, out = 0.18 * wide, 25.0
     low = board + 0.02 * wide
     arm = box(
@@ -295,10 +303,10 @@ def weather_house(rng: np.random.Generator) -> list[PartSpec]:
         size = 0.1 * wide
         figure = cylinder("z", [x, y, low + 0.02 * wide], 3.2 * size, size, 0.5 * size, 14)
         head = ball([x, y, low + 0.02 * wide + 3.5 * size], 0.6 * size, 12)
-        turned += [(figure, clock_dials.finish(rng)), (head, plain((0.9, 0.72, 0.58)))]
+        turned += [(figure, clock_dials.draw_finish(rng)), (head, plain((0.9, 0.72, 0.58)))]
     placed = [(rotated(s, (0, 0, -out), (x, 0, 0)), m) for s, m in turned]
     joint = hinge((x, 0, low), (0, 0, 1), np.deg2rad(2 * out))
     return [
-        ("house", clock_dials.trimmed(*pieces), -1, None),
-        ("figures", clock_dials.trimmed(*placed), 0, joint),
+        ("house", trimmed(*pieces), -1, None),
+        ("figures", trimmed(*placed), 0, joint),
     ]

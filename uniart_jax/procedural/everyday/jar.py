@@ -12,7 +12,7 @@ from uniart_jax.procedural.everyday.turned import (
     ANGLES,
     ROUND,
     Rows,
-    finish,
+    draw_finish,
     grip,
     hollow,
     plan_of,
@@ -49,7 +49,7 @@ def _filled(rng, rows: Rows, wall: float, glassy: bool, bare: float = 0.0) -> Sh
     """A body, clear with its contents inside if ``glassy``, else plain or with a band. A label may
     be on it, but not within ``bare`` of its top."""
     low, top = rows[0][1], rows[-1][1]
-    body, face = Shape(), finish(rng)
+    body, face = Shape(), draw_finish(rng)
     fill = low + (top - low) * float(rng.uniform(0.2, 0.75))
     inside = hollow(rows, wall, fill)
     whole = cut(stack(rows), [inside])
@@ -62,7 +62,7 @@ def _filled(rng, rows: Rows, wall: float, glassy: bool, bare: float = 0.0) -> Sh
         a = low + (top - low) * float(rng.uniform(0.1, 0.5))
         b = a + (top - low) * float(rng.uniform(0.05, 0.4))
         band = box([-1, -1, a], [1, 1, b])
-        body.add(tidy(whole - band), face).add(tidy(whole ^ band), finish(rng))
+        body.add(tidy(whole - band), face).add(tidy(whole ^ band), draw_finish(rng))
     else:
         body.add(whole, face)
     if rng.random() < 0.4 and bare < 0.6 * (top - low):  # a label
@@ -97,7 +97,7 @@ def _screwed(rng: np.random.Generator) -> ArticulatedObject:
     thread = [
         tube("z", [0, 0, top - s * tall], 0.07 * tall, 1.03 * m, 0.9 * m, 48) for s in (0.25, 0.6)
     ]
-    tone = finish(rng)
+    tone = draw_finish(rng)
     glassy = bool(rng.random() < 0.6)
     body = _filled(rng, rows, wall, glassy)
     body.add(tidy(cut(union(thread), [stack(rows)])), plain(rng.uniform(0.4, 0.9, 3)))
@@ -120,18 +120,18 @@ def _screwed(rng: np.random.Generator) -> ArticulatedObject:
     peak = outside[-1][1]
     flaps = not crown and rng.random() < 0.3
     if not flaps and rng.random() < 0.4:
-        knob, _ = grip(rng, peak, outer, tone)
-        lid.add(tidy(knob - stack(outside)), tone if rng.random() < 0.5 else finish(rng))
+        knob, _ = grip(rng, peak, outer)
+        lid.add(tidy(knob - stack(outside)), tone if rng.random() < 0.5 else draw_finish(rng))
     elif not flaps and rng.random() < 0.4:  # a disc of another colour, with the maker's mark
         disc = cylinder("z", [0, 0, peak], 0.6 * unit, 0.5 * outer, segments=32)
         bar = box([-0.4 * outer, -unit, peak + 0.6 * unit], [0, unit, peak + 1.4 * unit])
-        lid.add(disc, finish(rng)).add(bar, finish(rng))
+        lid.add(disc, draw_finish(rng)).add(bar, draw_finish(rng))
     asm = Assembly()
     root = asm.add("body", body)
     turns = float(rng.choice([0.25, 0.5, 1.0, 1.5, 2.0]))
     cap = asm.add("lid", lid, root, screw((0, 0, 0), (0, 0, 1), turns, tall + 2 * unit))
     if flaps:
-        both, hue = rng.random() < 0.6, finish(rng)
+        both, hue = rng.random() < 0.6, draw_finish(rng)
         for side in (-1, 1) if both else (-1,):
             disc = cylinder("z", [0, 0, peak + air], 2 * unit, 0.9 * outer, segments=40)
             lo, hi = sorted((side * 0.06 * outer, side * 2 * outer))
@@ -181,7 +181,7 @@ def _hinged(rng: np.random.Generator) -> ArticulatedObject:
         rows = _neck(rng, rows, mouth, 4 * unit, float(rng.uniform(0.03, 0.2)) * size)
     plan, top = rows[-1]
     metal, air, wall = materials.hardware(rng), 0.4 * unit, 0.07 * size
-    tone = materials.glass(rng) if jar and rng.random() < 0.6 else finish(rng)
+    tone = materials.glass(rng) if jar and rng.random() < 0.6 else draw_finish(rng)
     body, lid = _filled(rng, rows, wall, jar and rng.random() < 0.75), Shape()
     z, tall = top + air, float(rng.uniform(4, 12) if jar else rng.uniform(4, 30)) * unit
     bulge = float(rng.choice([0.0, rng.uniform(0.02, 0.3)])) * size
@@ -199,7 +199,7 @@ def _hinged(rng: np.random.Generator) -> ArticulatedObject:
             plain(materials.hsv(rng, (0.0, 0.1), (0.5, 0.9), (0.6, 0.95))),
         )
     elif rng.random() < 0.4:
-        knob, _ = grip(rng, crown[-1][1], size, metal)
+        knob, _ = grip(rng, crown[-1][1], size)
         lid.add(tidy(knob - hood), metal)
     edge = rim[0]
     if jar or rng.random() < 0.7:
@@ -270,7 +270,7 @@ def _lifted(rng: np.random.Generator) -> ArticulatedObject:
     )
     over = over and reach < 0.02 * size
     body = _filled(rng, rows, 0.08 * size, rng.random() < 0.15, skirt)
-    tone, metal = finish(rng), finish(rng)
+    tone, metal = draw_finish(rng), draw_finish(rng)
     if low:
         foot = stack([(rows[0][0] * 0.85, 0), (rows[0][0] * 0.7, low)])
         body.add(foot, metal)
@@ -287,7 +287,7 @@ def _lifted(rng: np.random.Generator) -> ArticulatedObject:
     lid.add(hood, tone)
     peak, tip = crown[-1][1], 0.0
     if not over or rng.random() < 0.5:
-        knob, tip = grip(rng, peak, size, metal)
+        knob, tip = grip(rng, peak, size)
         lid.add(tidy(knob - hood), metal)
     asm = Assembly()
     pivot = top - 6 * unit
@@ -324,5 +324,5 @@ def _ears(rng, body: Shape, rows: Rows, unit: float, size: float) -> None:
     inner = [[0, y - 0.1 * size, line[0, 2]], *line, [0, y - 0.1 * size, line[-1, 2]]]
     ear = tidy(pipe(inner, r, 10) - stack(rows))
     piece = max(ear.decompose(), key=lambda s: s.bounding_box()[4])
-    face = finish(rng)
+    face = draw_finish(rng)
     body.add(piece, face).add(piece.mirror((0, 1, 0)), face)

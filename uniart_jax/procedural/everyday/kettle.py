@@ -12,7 +12,7 @@ from manifold3d import Manifold
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.procedural import materials
 from uniart_jax.procedural.everyday import vessel_fittings, vessels
-from uniart_jax.procedural.everyday.vessel_finishes import contrast, kettle_finish
+from uniart_jax.procedural.everyday.vessel_finishes import contrast, draw_kettle_finish
 from uniart_jax.procedural.everyday.vessel_fittings import bar_hinge, bezier, dome, spout, taper
 from uniart_jax.procedural.everyday.vessels import (
     frustum,
@@ -62,9 +62,9 @@ def _electric(rng: np.random.Generator) -> ArticulatedObject:
     bottom = height * float(rng.uniform(0.3, 0.5))
     unit = height / 100
     air, wall = 0.5 * unit, 2.2 * unit
-    face, trim = kettle_finish(rng), materials.dark(rng)
+    face, trim = draw_kettle_finish(rng), materials.dark(rng)
     if rng.random() < 0.45:
-        trim = materials.white_plastic(rng) if rng.random() < 0.4 else kettle_finish(rng)
+        trim = materials.white_plastic(rng) if rng.random() < 0.4 else draw_kettle_finish(rng)
     outline = _outline(rng)
     stands = rng.random() < 0.75
     base = float(rng.uniform(5, 12)) * unit if stands else 0.0
@@ -248,7 +248,7 @@ def _stovetop(rng: np.random.Generator) -> ArticulatedObject:
     bottom = height * float(rng.uniform(0.45, 0.8))
     unit = height / 70
     air, wall = 0.5 * unit, 2.0 * unit
-    face, trim = kettle_finish(rng), materials.hardware(rng)
+    face, trim = draw_kettle_finish(rng), materials.hardware(rng)
     if rng.random() < 0.4:
         trim = (
             dataclasses.replace(face) if rng.random() < 0.6 else materials.wood(rng, textured=False)

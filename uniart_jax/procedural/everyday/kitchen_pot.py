@@ -20,7 +20,7 @@ from uniart_jax.procedural.everyday.pot_fittings import (
     add_pair,
     add_pins,
 )
-from uniart_jax.procedural.everyday.vessel_finishes import pot_finish, pot_trim
+from uniart_jax.procedural.everyday.vessel_finishes import draw_pot_finish, draw_pot_trim
 from uniart_jax.procedural.everyday.vessels import frustum, half_width, radius_at, silhouette, stack
 from uniart_jax.procedural.shapes import Assembly, Shape, box, slide, tidy
 
@@ -52,8 +52,8 @@ def _pot(rng: np.random.Generator) -> ArticulatedObject:
                                         rng.uniform(1.2, 2.2)], p=[0.25, 0.5, 0.25]))  # fmt: skip
     unit = max(2 * across, 2 * radius, height) / 100
     air, wall = 0.5 * unit, 2.0 * unit
-    face = pot_finish(rng)
-    trim = pot_trim(rng, face)
+    face = draw_pot_finish(rng)
+    trim = draw_pot_trim(rng, face)
     bottom = radius * float(rng.choice([1.0, rng.uniform(0.65, 1.0)]))
     belly = max(radius, bottom) * float(rng.choice([1.0, rng.uniform(1.0, 1.15)], p=[0.7, 0.3]))
     at = float(rng.uniform(0.2, 0.6)) if belly > radius else 0.95

@@ -11,7 +11,7 @@ from uniart_jax.procedural.everyday.case_fronts import (
     add_posts,
     add_pull,
     doorway,
-    draw_paint,
+    draw_finish,
     open_at,
 )
 from uniart_jax.procedural.materials import plain
@@ -31,7 +31,7 @@ def pillar_box(rng) -> Assembly:
     """A round pillar box in metres with a cap, a hooded slot and a curved door."""
     high = float(rng.uniform(1.0, 1.6))
     r = high * float(rng.uniform(0.14, 0.2))
-    unit, face = high / 100, draw_paint(rng)
+    unit, face = high / 100, draw_finish(rng)
     dark = materials.dark(rng)
     asm, body = Assembly(), Shape()
     foot, top = float(rng.uniform(0.04, 0.12)) * high, float(rng.uniform(0.84, 0.92)) * high
@@ -56,14 +56,14 @@ def pillar_box(rng) -> Assembly:
     rest, tip = high - top, float(rng.uniform(0.3, 0.9)) * r
     cap = cylinder("z", [0, 0, top], 0.35 * rest, 1.15 * r, segments=32)
     dome = cylinder("z", [0, 0, top + 0.35 * rest - 1e-4], 0.65 * rest, 1.1 * r, tip, 32)
-    body.add(union([cap, dome]), face if rng.random() < 0.7 else draw_paint(rng))
+    body.add(union([cap, dome]), face if rng.random() < 0.7 else draw_finish(rng))
     root = asm.add("body", body)
     out = r + 0.3 * unit + 1.6 * unit  # of the door's outer face
     ring = tube("z", [0, 0, door[2]], door[3] - door[2], out, r + 0.3 * unit, 32)
     leaf = ring ^ box([-2, door[0], 0], [0, door[1], 3])
     x = -float(np.sqrt(out**2 - half**2))
     side = str(rng.choice(["left", "right"]))
-    shape = Shape().add(leaf, face if rng.random() < 0.6 else draw_paint(rng))
+    shape = Shape().add(leaf, face if rng.random() < 0.6 else draw_finish(rng))
     y = (0.6 if side == "left" else -0.6) * half
     at = -float(np.sqrt(out**2 - y**2))
     shape.add(
@@ -98,8 +98,8 @@ def parcel_box(rng) -> Assembly:
     base = float(rng.uniform(0, 0.25)) * high
     unit, half = (high + base) / 100, wide / 2
     wall = 1.6 * unit
-    face, metal = draw_paint(rng), materials.hardware(rng)
-    second = face if rng.random() < 0.45 else draw_paint(rng)
+    face, metal = draw_finish(rng), materials.hardware(rng)
+    second = face if rng.random() < 0.45 else draw_finish(rng)
     asm, body = Assembly(), Shape()
     z1 = base + high
     share = float(rng.uniform(0.2, 0.36))
@@ -149,8 +149,8 @@ def bank_of_boxes(rng) -> Assembly:
         h = float(rng.uniform(0.25, 0.45))
     wide, high, deep = columns * w, rows * h, float(rng.uniform(0.12, 0.32))
     unit, half = max(wide, high) / 100, wide / 2
-    face, metal = draw_paint(rng), materials.hardware(rng)
-    second = face if rng.random() < 0.4 else draw_paint(rng)
+    face, metal = draw_finish(rng), materials.hardware(rng)
+    second = face if rng.random() < 0.4 else draw_finish(rng)
     base = float(rng.choice([0.0, rng.uniform(0.4, 0.8)])) if high < 0.7 else 0.0
     asm, body = Assembly(), Shape()
     edge = 1.3 * unit

@@ -13,7 +13,7 @@ from uniart_jax.procedural.everyday.case_fronts import (
     add_pull,
     arch,
     doorway,
-    draw_paint,
+    draw_finish,
     inner_outline,
     roofed_case,
 )
@@ -61,8 +61,8 @@ def _wall(rng) -> Assembly:
     on_post = rng.random() < 0.35
     base = float(rng.uniform(0.6, 1.5)) * high if on_post else 0.0
     unit, wall = max(high + base, wide) / 100, max(0.02 * high, 0.006)
-    face, metal = draw_paint(rng), materials.hardware(rng)
-    second = face if rng.random() < 0.5 else draw_paint(rng)
+    face, metal = draw_finish(rng), materials.hardware(rng)
+    second = face if rng.random() < 0.5 else draw_finish(rng)
     solid, low, _ = roofed_case(rng, wide, deep, high, wall, base)
     half = 0.5 * wide * float(rng.uniform(0.78, 0.96))
     asm, body = Assembly(), Shape()
@@ -100,7 +100,7 @@ def _wall(rng) -> Assembly:
         thick=thick,
         marked=not nested,
     )
-    over = face if rng.random() < 0.4 else (metal if rng.random() < 0.5 else draw_paint(rng))
+    over = face if rng.random() < 0.4 else (metal if rng.random() < 0.5 else draw_finish(rng))
     x = -0.3 * unit - thick if nested else 0.0
     add_panel(
         rng,
@@ -126,7 +126,7 @@ def _flagged(rng) -> Assembly:
     base = deep * float(rng.choice([0.0, rng.uniform(0.8, 1.8)], p=[0.4, 0.6]))
     unit, half = max(deep, high + base) / 100, wide / 2
     wall = max(1.2 * unit, 0.005)
-    face, metal = draw_paint(rng), materials.hardware(rng)
+    face, metal = draw_finish(rng), materials.hardware(rng)
     rise = half if rng.random() < 0.75 else 0.5 * half
     outline = arch(half, high - rise, rise, 15)
     inner = inner_outline(outline, wide, high, wall)
@@ -146,7 +146,7 @@ def _flagged(rng) -> Assembly:
     root = asm.add("body", body)
     shape = Shape()
     plate = extrusion(outline, "x", [-0.3 * unit - 1.4 * unit, 0, base], 1.4 * unit)
-    shape.add(plate, face if rng.random() < 0.6 else draw_paint(rng))
+    shape.add(plate, face if rng.random() < 0.6 else draw_finish(rng))
     add_pull(rng, shape, "bottom", -1.7 * unit, (-half, half, base, base + high), unit, metal)
     joint = hinge((-1.7 * unit, 0, base), (0, -1, 0), float(np.deg2rad(rng.uniform(80, 110))))
     asm.add("door", shape, root, joint)
@@ -166,7 +166,7 @@ def _flagged(rng) -> Assembly:
     red = (
         plain(hsv(rng, (0.97, 1.06), (0.75, 0.95), (0.6, 0.9)))
         if rng.random() < 0.75
-        else draw_paint(rng)
+        else draw_finish(rng)
     )
     joint = hinge(at, (0, 1 if up else -1, 0), np.pi / 2)
     asm.add("flag", Shape().add(arm, red), root, joint)
@@ -179,7 +179,7 @@ def _lidded(rng) -> Assembly:
     wide = float(rng.uniform(0.22, 0.42))
     high, deep = wide * float(rng.uniform(0.6, 1.4)), wide * float(rng.uniform(0.28, 0.6))
     unit, wall, half = max(wide, high) / 100, max(0.012 * wide, 0.005), wide / 2
-    face, metal = draw_paint(rng), materials.hardware(rng)
+    face, metal = draw_finish(rng), materials.hardware(rng)
     drop = deep * float(rng.choice([0.0, 0.3, 0.6]))
     poly = np.array([[0, 0], [high - drop, 0], [high, deep], [0, deep]])
     inner = np.array([[wall, wall], [2 * high, wall], [2 * high, deep - wall], [wall, deep - wall]])
@@ -206,7 +206,7 @@ def _lidded(rng) -> Assembly:
     lid = np.array([back, front, front + thick * up, back + thick * up])
     shape = Shape().add(
         extrusion(lid, "y", [0, -half - 0.5 * over, 0], wide + over),
-        face if rng.random() < 0.5 else draw_paint(rng),
+        face if rng.random() < 0.5 else draw_finish(rng),
     )
     joint = hinge((back[1], 0, back[0]), (0, 1, 0), float(np.deg2rad(rng.uniform(55, 105))))
     asm.add("lid", shape, root, joint)

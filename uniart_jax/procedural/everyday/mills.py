@@ -10,7 +10,7 @@ from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.procedural import materials
 from uniart_jax.procedural.everyday.turned import (
     ROUND,
-    finish,
+    draw_finish,
     stack,
 )
 from uniart_jax.procedural.shapes import (
@@ -54,7 +54,7 @@ def pepper_mill(rng: np.random.Generator) -> ArticulatedObject:
     """A pepper mill in metres: a turned body, and a head or crank that turns on it."""
     high, slim = float(rng.uniform(0.1, 0.35)), float(rng.uniform(0.13, 0.28))
     r, unit = high * slim, high / 100
-    face, metal = finish(rng), materials.hardware(rng)
+    face, metal = draw_finish(rng), materials.hardware(rng)
     face = materials.wood(rng) if rng.random() < 0.5 else face
     split = high * float(rng.uniform(0.55, 0.85))
     t = np.linspace(0, 1, 17)
@@ -73,7 +73,7 @@ def pepper_mill(rng: np.random.Generator) -> ArticulatedObject:
     big = float(rng.uniform(0.9, 1.25)) * max(neck, 0.75 * r)
     kind = str(rng.choice(["dome", "ball", "drum", "crank"], p=[0.3, 0.25, 0.2, 0.25]))
     wave = 1 - 0.05 * (np.arange(48) // 2 % 2) if rng.random() < 0.35 else ROUND
-    tone = face if rng.random() < 0.55 else finish(rng)
+    tone = face if rng.random() < 0.55 else draw_finish(rng)
     asm = Assembly()
     root = asm.add("body", body)
     if kind == "crank":
@@ -97,7 +97,7 @@ def pepper_mill(rng: np.random.Generator) -> ArticulatedObject:
 def coffee_mill(rng: np.random.Generator) -> ArticulatedObject:
     """A coffee mill in metres: a box with a drawer under a hopper and a crank, or a tube over a
     jar."""
-    face, metal = materials.wood(rng) if rng.random() < 0.6 else finish(rng), finish(rng)
+    face, metal = materials.wood(rng) if rng.random() < 0.6 else draw_finish(rng), draw_finish(rng)
     s = float(rng.uniform(0.09, 0.16))
     unit, air, asm, body = s / 80, s / 200, Assembly(), Shape()
     if rng.random() < 0.4:  # a tube: the lower part screws off
@@ -106,12 +106,12 @@ def coffee_mill(rng: np.random.Generator) -> ArticulatedObject:
         body.add(stack([(ROUND * r, low), (ROUND * r, top), (ROUND * 0.9 * r, top + unit)]), face)
         if rng.random() < 0.5:
             sleeve = tube("z", [0, 0, low + 0.3 * s], 0.3 * s, 1.06 * r, r, 40)
-            body.add(sleeve, materials.dark(rng) if rng.random() < 0.6 else finish(rng))
+            body.add(sleeve, materials.dark(rng) if rng.random() < 0.6 else draw_finish(rng))
         root = asm.add("body", body)
         deep = low - air
         jar = stack([(ROUND * 0.9 * r, 0), (ROUND * r, 0.1 * deep), (ROUND * r, deep)])
         joint = screw((0, 0, 0), (0, 0, -1), float(rng.choice([0.5, 1.0, 2.0])), 0.15 * s)
-        asm.add("jar", Shape().add(jar, finish(rng)), root, joint)
+        asm.add("jar", Shape().add(jar, draw_finish(rng)), root, joint)
         crank = _crank(rng, top + unit + air, s * float(rng.uniform(0.4, 0.8)), unit, face, metal)
         asm.add("crank", crank, root, turn((0, 0, 0), (0, 0, 1)))
         return asm.object()
@@ -138,7 +138,7 @@ def coffee_mill(rng: np.random.Generator) -> ArticulatedObject:
     lo, hi = [-half, -w, z0], [half - wall - air, w, z1]
     drawer = box(lo, hi) - box([-half + wall, -w + wall, z0 + wall], [0.25 * s, w - wall, z1 + 1])
     pull = ball([-half - 3 * unit, 0, (z0 + z1) / 2], 4.5 * unit, 14)
-    shape = Shape().add(drawer, face if rng.random() < 0.6 else finish(rng))
+    shape = Shape().add(drawer, face if rng.random() < 0.6 else draw_finish(rng))
     asm.add(
         "drawer",
         shape.add(pull - box(lo, hi), metal),

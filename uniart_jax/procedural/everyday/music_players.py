@@ -8,6 +8,7 @@ import numpy as np
 from uniart_jax.procedural import materials
 from uniart_jax.procedural.fronts import add_knob
 from uniart_jax.procedural.materials import Material
+from uniart_jax.procedural.pieces import layered, merged
 from uniart_jax.procedural.shapes import (
     Assembly,
     Shape,
@@ -17,8 +18,6 @@ from uniart_jax.procedural.shapes import (
     extrusion,
     hinge,
     inset,
-    layered,
-    merged,
     pipe,
     rounded,
     slide,
@@ -30,7 +29,7 @@ from uniart_jax.procedural.shapes import (
 UP, ACROSS = (0, 0, 1), (0, 1, 0)
 
 
-def finish(rng: np.random.Generator, wooden: float) -> Material:
+def draw_finish(rng: np.random.Generator, wooden: float) -> Material:
     """Draw a finish: wood with the probability ``wooden``, else plastic of any colour, steel, black
     or white."""
     if rng.random() < wooden:
@@ -64,7 +63,7 @@ def musical_box(rng: np.random.Generator) -> Assembly:
     depth = wide * float(rng.uniform(0.6, 1.05))
     unit, half = wide / 100, wide / 2
     high, wall = float(rng.uniform(28, 60)) * unit, 4 * unit
-    tone, trim = finish(rng, 0.65), materials.hardware(rng)
+    tone, trim = draw_finish(rng, 0.65), materials.hardware(rng)
     plan = rounded(depth, wide, float(rng.uniform(0.3, 14)) * unit, 5)
     inner = inset(plan, wall)
     deep = float(rng.uniform(12, 20)) * unit
@@ -113,7 +112,7 @@ def musical_box(rng: np.random.Generator) -> Assembly:
         lid = extrusion(plan, "z", [mid, 0, low], tall)
         lid -= extrusion(inner, "z", [mid, 0, low - 1], 1 + tall - wall)
         emblem = extrusion(0.6 * plan, "z", [mid, 0, low + tall - 1e-4], 0.8 * unit)
-        shape = layered([(lid, tone), (emblem, finish(rng, 0.2))])
+        shape = layered([(lid, tone), (emblem, draw_finish(rng, 0.2))])
         swing = np.deg2rad(float(rng.uniform(70, 110)))
         asm.add("lid", shape, root, hinge([depth, 0, low], ACROSS, swing))
     return asm
@@ -142,7 +141,7 @@ def _dancer(rng, asm: Assembly, root: int, mid, low, top, radius: float, unit: f
             [mid - 0.5 * radius, off - 0.15 * radius, z + 0.3 * tall],
             [mid + 0.5 * radius, off + 0.15 * radius, z + 0.6 * tall],
         )
-    pieces = [(disc, finish(rng, 0.2)), (figure, finish(rng, 0.2))]
+    pieces = [(disc, draw_finish(rng, 0.2)), (figure, draw_finish(rng, 0.2))]
     asm.add("dancer", layered(pieces), root, turn([mid, 0, 0], UP))
 
 
@@ -153,7 +152,7 @@ def radio(rng: np.random.Generator) -> Assembly:
     high = wide * float(rng.uniform(0.42, 0.75))
     depth = wide * float(rng.uniform(0.16, 0.36))
     unit, half, air = wide / 100, wide / 2, 0.35 * wide / 100
-    tone, dark, trim = finish(rng, 0.15), materials.dark(rng), materials.hardware(rng)
+    tone, dark, trim = draw_finish(rng, 0.15), materials.dark(rng), materials.hardware(rng)
     legs = 1.5 * unit
     outline = rounded(wide, high, float(rng.uniform(0.3, 8)) * unit, 5)
     body = extrusion(outline, "x", [0, 0, legs + high / 2], depth)
@@ -208,7 +207,7 @@ def radio(rng: np.random.Generator) -> Assembly:
         body -= box([x - d - air, y - w - air, top - 3.4 * unit], [x + d + air, y + w + air, 9])
         key = box([x - d, y - w, top - 1.2 * unit], [x + d, y + w, top + 1.6 * unit])
         press = slide((0, 0, -1), 1.5 * unit)
-        parts.append(("button", merged([(key, trim if k else finish(rng, 0))]), press))
+        parts.append(("button", merged([(key, trim if k else draw_finish(rng, 0))]), press))
     scale = box([-0.5 * unit, -0.3 * half, band + 3 * unit], [0, 0.9 * half, top - 3 * unit])
     handle = rng.random() < 0.55
     aerial = not handle and rng.random() < 0.7
@@ -219,7 +218,7 @@ def radio(rng: np.random.Generator) -> Assembly:
             [0.8 * depth + 2 * unit, y, top + 4 * unit],
         )
         extra.append((block, trim))
-    root_pieces = [(tidy(body), tone), (feet, dark), *extra, (scale, finish(rng, 0))]
+    root_pieces = [(tidy(body), tone), (feet, dark), *extra, (scale, draw_finish(rng, 0))]
     root = asm.add("body", layered(root_pieces))
     for name, shape, joint in parts:
         asm.add(name, shape, root, joint)

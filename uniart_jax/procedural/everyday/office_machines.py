@@ -15,7 +15,7 @@ from uniart_jax.procedural.everyday.printer_parts import (
     add_screen,
     add_tilting_panel,
     block,
-    draw_case,
+    draw_finish,
     draw_second,
     drawer_rooms,
     scanner_glass,
@@ -39,7 +39,7 @@ def copier(rng) -> Assembly:
     wide = float(rng.uniform(0.5, 0.68))
     deep, high = wide * float(rng.uniform(0.85, 1.05)), wide * float(rng.uniform(1.35, 1.8))
     unit, half = high / 100, wide / 2
-    face, edge = draw_case(rng), 1.5 * unit
+    face, edge = draw_finish(rng), 1.5 * unit
     second = draw_second(rng, face)
     asm, body = Assembly(), Shape()
     base, count = float(rng.uniform(3, 7)) * unit, int(rng.integers(2, 5))
@@ -88,7 +88,7 @@ def scanner(rng) -> Assembly:
     unit, half = max(wide, deep) / 100, wide / 2
     high = float(rng.uniform(9, 16)) * unit
     corner = float(rng.choice([0.0, rng.uniform(2, 7)])) * unit
-    face = draw_case(rng)
+    face = draw_finish(rng)
     second = draw_second(rng, face)
     asm, body = Assembly(), Shape()
     count = int(rng.integers(1, 5))
@@ -115,7 +115,7 @@ def shredder(rng) -> Assembly:
     unit, half = high / 100, wide / 2
     corner = float(rng.choice([0.0, rng.uniform(2, 6)])) * unit
     head = high * float(rng.uniform(0.2, 0.34))
-    face, base = draw_case(rng), float(rng.choice([0.0, rng.uniform(4, 7)])) * unit
+    face, base = draw_finish(rng), float(rng.choice([0.0, rng.uniform(4, 7)])) * unit
     second = draw_second(rng, face)
     asm, body = Assembly(), Shape()
     seam, edge = high - head, corner + 2 * unit

@@ -8,6 +8,7 @@ from manifold3d import Manifold
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.procedural import materials
 from uniart_jax.procedural.materials import Material, plain
+from uniart_jax.procedural.pieces import merged
 from uniart_jax.procedural.shapes import (
     Assembly,
     Shape,
@@ -15,7 +16,6 @@ from uniart_jax.procedural.shapes import (
     cylinder,
     extrusion,
     hinge,
-    merged,
     rounded,
     screw,
     slide,
@@ -26,7 +26,7 @@ from uniart_jax.procedural.shapes import (
 )
 
 
-def casing(rng: np.random.Generator) -> Material:
+def draw_finish(rng: np.random.Generator) -> Material:
     """Draw a finish: black, silver, white or bright plastic."""
     kind = rng.choice(4, p=[0.38, 0.2, 0.12, 0.3])
     if kind == 0:
@@ -112,7 +112,7 @@ def lens(rng, asm: Assembly, root: int, at, radius: float, unit: float, tone, ki
         joint = hinge(
             (end - 2.5 * unit, y, z + radius), (0, 1, 0), float(np.deg2rad(rng.uniform(90, 150)))
         )
-        asm.add("lens_lid", Shape().add(lid, casing(rng)), tube_part, joint)
+        asm.add("lens_lid", Shape().add(lid, draw_finish(rng)), tube_part, joint)
     else:
         _tip(front, end, y, z, size, unit, tone, glass)
         asm.add("front_ring", front, tube_part, screw((x, y, z), (-1, 0, 0), 0.75, 4 * unit))
@@ -127,7 +127,7 @@ def binoculars(rng: np.random.Generator) -> ArticulatedObject:
     prism = rng.random() < 0.5  # its barrels are wider apart in front
     apart = float(rng.uniform(1.15, 1.4)) * wide + 5 * unit
     near = apart * (0.72 if prism else 1.0)
-    face, trim, air = casing(rng), casing(rng), 0.5 * unit
+    face, trim, air = draw_finish(rng), draw_finish(rng), 0.5 * unit
     glass, rubber = materials.glass(rng), materials.dark(rng)
     edge = rubber if rng.random() < 0.6 else trim
     standing = rng.random() < 0.4
@@ -139,12 +139,15 @@ def binoculars(rng: np.random.Generator) -> ArticulatedObject:
         matrix[2, 3] = wide + 3 * unit
 
     def put(name, pieces, parent=-1, joint=None):
+        """Add a part where the binoculars stand or lie."""
         return asm.add(name, merged(pieces).moved(matrix), parent, joint)
 
     def vec(v):
+        """A direction, turned with the binoculars."""
         return matrix[:3, :3] @ np.asarray(v, dtype=float)
 
     def spot(p):
+        """A point, moved with the binoculars."""
         return vec(p) + matrix[:3, 3]
 
     hub, split = float(rng.uniform(4, 6)) * unit, float(rng.uniform(0.5, 0.62)) * long
@@ -218,7 +221,7 @@ def projector(rng: np.random.Generator) -> ArticulatedObject:
     kind = str(rng.choice(["drum", "reels", "flat"], p=[0.3, 0.3, 0.4]))
     width = float(rng.uniform(0.22, 0.38))
     unit, air = width / 100, width / 200
-    face, trim, metal = casing(rng), casing(rng), materials.metal(rng, brushed=False)
+    face, trim, metal = draw_finish(rng), draw_finish(rng), materials.metal(rng, brushed=False)
     deep = width * float(rng.uniform(0.65, 1.1))
     high = width * float(rng.uniform(0.25, 0.45) if kind != "reels" else rng.uniform(0.5, 0.8))
     width = width * (0.5 if kind == "reels" else 1)
@@ -305,16 +308,9 @@ def projector(rng: np.random.Generator) -> ArticulatedObject:
             flap = box(
                 [0.6 * deep - d, y - w, top + air], [0.6 * deep + d, y + w, top + air + 3 * unit]
             )
-            asm.add(
-                "flap",
-                Shape().add(flap, trim),
-                root,
-                hinge(
-                    (0.6 * deep + d, 0, top + air + 3 * unit),
-                    (0, 1, 0),
-                    float(np.deg2rad(rng.uniform(60, 110))),
-                ),
-            )
+            at = (0.6 * deep + d, 0, top + air + 3 * unit)
+            joint = hinge(at, (0, 1, 0), float(np.deg2rad(rng.uniform(60, 110))))
+            asm.add("flap", Shape().add(flap, trim), root, joint)
         if rng.random() < 0.6:
             at = [0.18 * deep, -0.6 * half, top + air]
             dial = knurled("z", at, 3.5 * unit, 6 * unit, 16)
@@ -331,7 +327,7 @@ def microscope(rng: np.random.Generator) -> ArticulatedObject:
     """A microscope in metres: a foot, an arm, a stage that rises, a turning nosepiece, knobs."""
     high = float(rng.uniform(0.2, 0.4))
     unit, air = high / 100, high / 250
-    face, trim, metal = casing(rng), casing(rng), materials.metal(rng, brushed=False)
+    face, trim, metal = draw_finish(rng), draw_finish(rng), materials.metal(rng, brushed=False)
     asm, body = Assembly(), Shape()
     half, thick = float(rng.uniform(18, 25)) * unit, float(rng.uniform(6, 11)) * unit
     w = float(rng.uniform(6, 10)) * unit

@@ -111,7 +111,7 @@ def coupling(look: Look, r: float, y: float, way: int) -> Pieces:
     return [(cylinder("y", [0, y - 0.3 * r, 0], 0.6 * r, 1.15 * r), look.body)]
 
 
-def pipe_end(rng, look: Look, r: float, bend: np.ndarray | None, kind: str, long: float) -> Pieces:
+def pipe_end(look: Look, r: float, bend: np.ndarray | None, kind: str, long: float) -> Pieces:
     """The rest of a pipe from 0 towards +y: ``long`` metres, or around an elbow towards
     ``bend``."""
     place, pieces = np.eye(4), []

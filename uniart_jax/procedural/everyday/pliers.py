@@ -8,7 +8,7 @@ import numpy as np
 from manifold3d import CrossSection, Manifold, OpType
 
 from uniart_jax.procedural import materials
-from uniart_jax.procedural.everyday.small_tools import grip_finish
+from uniart_jax.procedural.everyday.small_tools import draw_grip_finish
 from uniart_jax.procedural.scissors import strip
 from uniart_jax.procedural.shapes import (
     PartSpec,
@@ -91,7 +91,7 @@ def pliers(rng: np.random.Generator) -> list[PartSpec]:
     start = points[0] + 0.75 * (points[1] - points[0])
     sleeve = _bar(np.array([start, points[1], points[2]]), [1.25 * wide] * 3) ^ _side(1, gap)
     sleeve = sleeve if rng.random() < 0.8 else None
-    tones = (materials.metal(rng, brushed=False), grip_finish(rng))
+    tones = (materials.metal(rng, brushed=False), draw_grip_finish(rng))
     slope = np.arctan2(bow - 0.3 * radius, 0.35 * hand)
     angle = min(float(np.deg2rad(rng.uniform(25, 55))), float(np.deg2rad(68) - slope))
     return _halves(jaws + bar, radius, sleeve, float(rng.uniform(3, 5)) * unit, angle, tones)
@@ -126,10 +126,10 @@ def tongs(rng: np.random.Generator) -> list[PartSpec]:
     part = points[2:] if rng.random() < 0.6 else points[1:3]
     sleeve = _bar(part, [1.25 * wide] * 2) ^ _side(-1, gap)
     sleeve = sleeve if rng.random() < 0.6 else None
-    steel = materials.metal(rng, brushed=False) if rng.random() < 0.6 else grip_finish(rng)
+    steel = materials.metal(rng, brushed=False) if rng.random() < 0.6 else draw_grip_finish(rng)
     angle = float(np.deg2rad(rng.uniform(25, 70)))
     layer = float(rng.uniform(2.6, 6)) * unit
-    return _halves(flat, radius, sleeve, layer, angle, (steel, grip_finish(rng)))
+    return _halves(flat, radius, sleeve, layer, angle, (steel, draw_grip_finish(rng)))
 
 
 def peg(rng: np.random.Generator) -> list[PartSpec]:
@@ -164,8 +164,8 @@ def peg(rng: np.random.Generator) -> list[PartSpec]:
     coil = cylinder("z", [0, 0, -0.12 * thick], 1.24 * thick, r, segments=18)
     loops = [box([-r, 0, w], [r, deep + unit, w + 0.12 * thick]) for w in (-0.12 * thick, thick)]
     spring = union([coil, *loops])
-    tone = grip_finish(rng)
-    other = tone if rng.random() < 0.8 else grip_finish(rng)
+    tone = draw_grip_finish(rng)
+    other = tone if rng.random() < 0.8 else draw_grip_finish(rng)
     upper = cut(Manifold.extrude(flat, thick), [spring])
     lower = Manifold.extrude(flat.mirror((0, 1)), thick)
     metal = materials.metal(rng, brushed=False)

@@ -96,7 +96,7 @@ def _folding(rng: np.random.Generator) -> list[PartSpec]:
     thick, tang = float(rng.uniform(2.8, 6)) * unit, float(rng.uniform(0.28, 0.34)) * high
     pivot = length / 2 - float(rng.uniform(0.42, 0.6)) * high
     inner = count * (layer + air) + air
-    tone, steel = small_tools.grip_finish(rng), materials.metal(rng, brushed=False)
+    tone, steel = small_tools.draw_grip_finish(rng), materials.metal(rng, brushed=False)
     flat = _scale(rng, length, high)
     scales = union([extrusion(flat, "z", [0, 0, w], thick) for w in (-thick, inner)])
     ends = [1 if k % 2 == 0 else -1 for k in range(count)]
@@ -168,8 +168,8 @@ def _cutter(rng: np.random.Generator) -> list[PartSpec]:
     body -= box([-0.44 * length, -wide - air, mid - air], [length, wide + air, mid + blade + air])
     body -= box([a, -slot - air, mid], [b, slot + air, 1])
     tone, other, dark = (
-        small_tools.grip_finish(rng),
-        small_tools.grip_finish(rng),
+        small_tools.draw_grip_finish(rng),
+        small_tools.draw_grip_finish(rng),
         materials.dark(rng),
     )
     share = float(rng.uniform(-0.2, 0.35)) * length

@@ -10,7 +10,7 @@ from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.procedural import materials
 from uniart_jax.procedural.everyday import vessel_fittings, vessels
 from uniart_jax.procedural.everyday.pot_fittings import add_electric_lid, add_pair
-from uniart_jax.procedural.everyday.vessel_finishes import contrast, pot_finish, pot_trim
+from uniart_jax.procedural.everyday.vessel_finishes import contrast, draw_pot_finish, draw_pot_trim
 from uniart_jax.procedural.everyday.vessel_fittings import dome
 from uniart_jax.procedural.everyday.vessels import (
     frustum,
@@ -46,8 +46,8 @@ def pressure_cooker(rng: np.random.Generator) -> ArticulatedObject:
     unit = max(2.6 * radius, height) / 100
     air, wall = 0.5 * unit, 2.0 * unit
     outline = vessels.ring(36)
-    face = materials.metal(rng, brushed=False) if rng.random() < 0.7 else pot_finish(rng)
-    trim = materials.dark(rng) if rng.random() < 0.7 else pot_trim(rng, face)
+    face = materials.metal(rng, brushed=False) if rng.random() < 0.7 else draw_pot_finish(rng)
+    trim = materials.dark(rng) if rng.random() < 0.7 else draw_pot_trim(rng, face)
     belly = radius * float(rng.choice([1.0, 1.08]))
     profile = silhouette(radius, belly, radius, 0.4, 0.0, height, 0.1 * radius)
     solid = stack(profile, outline)
@@ -61,7 +61,7 @@ def pressure_cooker(rng: np.random.Generator) -> ArticulatedObject:
     cover = dome(outline, wide, low - skirt, rise + skirt, skirt + unit)
     room = widest(profile, np.linspace(low - skirt, height, 5)) + air
     cover = tidy(cover - frustum(outline, room, room, low - skirt - 1, low))
-    lid.add(cover, face if rng.random() < 0.75 else pot_finish(rng))
+    lid.add(cover, face if rng.random() < 0.75 else draw_pot_finish(rng))
     long, half = float(rng.uniform(0.9, 1.5)) * radius, float(rng.uniform(4, 6)) * unit
     thick = float(rng.uniform(4, 6)) * unit
     ends = (0.0, np.pi) if rng.random() < 0.35 else (0.0,)
@@ -124,7 +124,7 @@ def slow_cooker(rng: np.random.Generator) -> ArticulatedObject:
     height = radius * float(rng.uniform(0.9, 1.7))
     unit = max(2 * across, height) / 100
     air, wall, legs = 0.5 * unit, 3.0 * unit, float(rng.uniform(1.5, 4)) * unit
-    face, trim = pot_finish(rng), materials.dark(rng)
+    face, trim = draw_pot_finish(rng), materials.dark(rng)
     if rng.random() < 0.3:
         trim = materials.white_plastic(rng)
     top, high = radius * float(rng.uniform(0.9, 1.05)), legs + height

@@ -9,7 +9,7 @@ import numpy as np
 
 from uniart_jax.procedural import materials
 from uniart_jax.procedural.everyday import vessel_fittings
-from uniart_jax.procedural.everyday.vessel_finishes import pot_finish
+from uniart_jax.procedural.everyday.vessel_finishes import draw_pot_finish
 from uniart_jax.procedural.everyday.vessel_fittings import bar_hinge, bezier, dome, taper
 from uniart_jax.procedural.everyday.vessels import frustum, radius_at, widest
 from uniart_jax.procedural.shapes import (
@@ -135,7 +135,7 @@ def add_lid(rng, asm, parent, outline, radius, wall, low, unit, way, steep, face
     glass = rng.random() < 0.25
     tone = materials.glass(rng) if glass else face
     if not glass and rng.random() < 0.2:
-        tone = pot_finish(rng)
+        tone = draw_pot_finish(rng)
     rise = radius * float(rng.uniform(0.06, 0.35))
     wide = radius * float(rng.uniform(0.97, 1.05))
     rim = min(float(rng.uniform(1.5, 4)) * unit, 0.5 * rise)

@@ -17,7 +17,7 @@ from uniart_jax.procedural.everyday.printer_parts import (
     add_screen,
     add_tilting_panel,
     block,
-    draw_case,
+    draw_finish,
     draw_second,
     drawer_rooms,
     scanner_glass,
@@ -52,7 +52,7 @@ def _inkjet(rng) -> Assembly:
     deep, high = wide * float(rng.uniform(0.68, 0.9)), wide * float(rng.uniform(0.3, 0.48))
     unit, half = wide / 100, wide / 2
     corner = float(rng.choice([0.0, rng.uniform(1, 7)])) * unit
-    face = draw_case(rng)
+    face = draw_finish(rng)
     second = draw_second(rng, face)
     asm, body, holes = Assembly(), Shape(), []
     edge = corner + unit
@@ -97,7 +97,7 @@ def _laser(rng) -> Assembly:
     deep, high = wide * float(rng.uniform(0.85, 1.1)), wide * float(rng.uniform(0.55, 1.15))
     unit, half = max(wide, high) / 100, wide / 2
     corner = float(rng.choice([0.0, rng.uniform(1, 4)])) * unit
-    face, edge = draw_case(rng), corner + unit
+    face, edge = draw_finish(rng), corner + unit
     second = draw_second(rng, face)
     asm, body = Assembly(), Shape()
     count = int(rng.choice([0, 1, 2], p=[0.2, 0.5, 0.3]))
@@ -144,7 +144,7 @@ def _label(rng) -> Assembly:
     deep, high = wide * float(rng.uniform(0.9, 1.6)), wide * float(rng.uniform(0.7, 1.15))
     unit, half = max(wide, deep) / 100, wide / 2
     corner, wall = float(rng.choice([0.0, rng.uniform(2, 8)])) * unit, 4 * unit
-    face = draw_case(rng)
+    face = draw_finish(rng)
     second = draw_second(rng, face)
     asm, body = Assembly(), Shape()
     seam = high * float(rng.uniform(0.45, 0.75))

@@ -24,7 +24,7 @@ from uniart_jax.procedural.shapes import (
 Rows = list[tuple[float, float]]  # of drawers: z0, z1 of each
 
 
-def draw_case(rng: np.random.Generator) -> Material:
+def draw_finish(rng: np.random.Generator) -> Material:
     """Draw the finish of a case: white, grey or black plastic, at times a colour."""
     kind = rng.choice(4, p=[0.36, 0.22, 0.2, 0.22])
     if kind == 0:
@@ -41,7 +41,7 @@ def draw_second(rng, face: Material) -> Material:
     kind = rng.random()
     if kind < 0.35:
         return face
-    return face.darker(float(rng.uniform(0.5, 0.85))) if kind < 0.6 else draw_case(rng)
+    return face.darker(float(rng.uniform(0.5, 0.85))) if kind < 0.6 else draw_finish(rng)
 
 
 def block(depth: float, width: float, z0: float, z1: float, corner: float) -> Manifold:

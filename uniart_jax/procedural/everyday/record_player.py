@@ -12,12 +12,13 @@ from uniart_jax.procedural.everyday.music_players import (
     ACROSS,
     UP,
     add_crank,
-    finish,
+    draw_finish,
     musical_box,
     radio,
 )
 from uniart_jax.procedural.fronts import add_knob
 from uniart_jax.procedural.materials import plain
+from uniart_jax.procedural.pieces import layered, merged
 from uniart_jax.procedural.shapes import (
     Assembly,
     box,
@@ -26,8 +27,6 @@ from uniart_jax.procedural.shapes import (
     extrusion,
     hinge,
     inset,
-    layered,
-    merged,
     pipe,
     revolution,
     rounded,
@@ -54,7 +53,7 @@ def _turntable(rng: np.random.Generator) -> Assembly:
     depth = wide * float(rng.uniform(0.72, 0.92))
     unit, half = wide / 100, wide / 2
     legs, high = float(rng.uniform(1, 5)) * unit, float(rng.uniform(7, 20)) * unit
-    z, tone, trim = legs + high, finish(rng, 0.5), materials.hardware(rng)
+    z, tone, trim = legs + high, draw_finish(rng, 0.5), materials.hardware(rng)
     cased = rng.random() < 0.25
     plan = rounded(depth, wide, float(rng.uniform(0.3, 8)) * unit, 5)
     body = extrusion(plan, "z", [depth / 2, 0, legs], high)
@@ -99,7 +98,7 @@ def _turntable(rng: np.random.Generator) -> Assembly:
         plate = extrusion(plan * 0.95, "z", [depth / 2, 0, z - 1e-4], 0.4 * unit)
         plate = cut(plate, holes) - cylinder("z", [*centre, 0], 9, radius + 1.5 * unit)
         plate -= cylinder("z", [px, py, 0], 9, 5.5 * unit)
-        pieces.append((plate, finish(rng, 0.1)))
+        pieces.append((plate, draw_finish(rng, 0.1)))
     rest = box(
         [px - 0.6 * reach, py - 1.5 * unit, z - 1e-4],
         [px - 0.54 * reach, py + 1.5 * unit, z + 2 * unit],
@@ -237,7 +236,7 @@ def _gramophone(rng: np.random.Generator) -> Assembly:
     neck = [x, 0, tall + 14 * unit]
     stem = cylinder("z", [x, 0, tall + 0.3 * unit], 4 * unit, 4.4 * unit)
     stem += pipe([[x, 0, tall + 3 * unit], neck], 2.6 * unit, 12)
-    cover = finish(rng, 0.1) if rng.random() < 0.5 else brass
+    cover = draw_finish(rng, 0.1) if rng.random() < 0.5 else brass
     shape = layered([(horn.translate(neck), cover), (stem, brass)])
     way = float(rng.choice([-1, 1]))
     joint = turn([x, 0, 0], UP) if rng.random() < 0.5 else hinge([x, 0, 0], (0, 0, way), np.pi / 2)

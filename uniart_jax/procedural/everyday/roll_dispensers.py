@@ -11,8 +11,8 @@ from uniart_jax.procedural import materials
 from uniart_jax.procedural.everyday import vessels
 from uniart_jax.procedural.everyday.vessel_finishes import (
     clear,
-    dispenser_accent,
-    dispenser_plastic,
+    draw_dispenser_accent,
+    draw_dispenser_plastic,
 )
 from uniart_jax.procedural.materials import plain
 from uniart_jax.procedural.shapes import (
@@ -35,7 +35,7 @@ def roll(rng: np.random.Generator) -> ArticulatedObject:
     radius, wide = float(rng.uniform(0.05, 0.11)), float(rng.uniform(0.1, 0.26))
     unit = max(2.4 * radius, wide) / 100
     half, air = wide / 2, 0.8 * unit
-    face, paper = dispenser_plastic(rng), materials.white_plastic(rng)
+    face, paper = draw_dispenser_plastic(rng), materials.white_plastic(rng)
     cheek, core = 2.5 * unit, 0.3 * radius
     plate = 3 * unit
     x, z = -radius - 2.5 * unit - plate, 1.25 * radius
@@ -76,7 +76,7 @@ def tape(rng: np.random.Generator) -> ArticulatedObject:
     wide = radius * float(rng.uniform(0.45, 1.0))
     unit = radius / 30
     half, air, cheek = wide / 2, 0.6 * unit, 4 * unit
-    face, tone = dispenser_plastic(rng), dispenser_accent(rng)
+    face, tone = draw_dispenser_plastic(rng), draw_dispenser_accent(rng)
     long = radius * float(rng.uniform(3.2, 4.2))
     x, z = long - 1.3 * radius, radius * float(rng.uniform(1.15, 1.5))
     tip = radius * float(rng.uniform(0.7, 1.2))

@@ -11,11 +11,12 @@ from uniart_jax.procedural.everyday.case_fronts import (
     add_panel,
     add_posts,
     doorway,
-    draw_paint,
+    draw_finish,
     open_at,
 )
 from uniart_jax.procedural.fronts import add_knob
 from uniart_jax.procedural.materials import Material
+from uniart_jax.procedural.pieces import merged
 from uniart_jax.procedural.shapes import (
     Assembly,
     Shape,
@@ -23,7 +24,6 @@ from uniart_jax.procedural.shapes import (
     cylinder,
     extrusion,
     hinge,
-    merged,
     pipe,
     slide,
     tidy,
@@ -38,8 +38,8 @@ def bird_house(rng) -> Assembly:
     high, deep = wide * float(rng.uniform(1.2, 1.8)), wide * float(rng.uniform(0.8, 1.15))
     base = high * float(rng.choice([0.0, rng.uniform(0.7, 1.6)], p=[0.6, 0.4]))
     unit, half, wall = (high + base) / 100, wide / 2, 0.07 * wide
-    face = materials.wood(rng) if rng.random() < 0.65 else draw_paint(rng)
-    cover = draw_paint(rng) if rng.random() < 0.6 else face
+    face = materials.wood(rng) if rng.random() < 0.65 else draw_finish(rng)
+    cover = draw_finish(rng) if rng.random() < 0.6 else face
     gable = rng.random() < 0.6
     rise = half * float(rng.uniform(0.6, 1.1)) if gable else deep * float(rng.uniform(0.12, 0.35))
     low = high - rise
@@ -92,7 +92,7 @@ def bird_house(rng) -> Assembly:
         x = -0.3 * unit
         leaf = box([x - wall, span[0], span[2]], [x, span[1], span[3]])
         side = str(rng.choice(["left", "right", "bottom"]))
-        shape = Shape().add(leaf - hole, face if rng.random() < 0.5 else draw_paint(rng))
+        shape = Shape().add(leaf - hole, face if rng.random() < 0.5 else draw_finish(rng))
         shape.add(perch.translate((x - wall, 0, 0)) - leaf, cover)
         asm.add("front", shape, root, open_at(rng, side, x - wall, span, 70, 110))
     if lifts:
@@ -108,9 +108,9 @@ def bread_box(rng) -> Assembly:
     wide = float(rng.uniform(0.32, 0.5))
     r = wide * float(rng.uniform(0.26, 0.36))
     unit, half = wide / 100, wide / 2
-    face = draw_paint(rng)
+    face = draw_finish(rng)
     cheek = face if rng.random() < 0.4 else materials.wood(rng)
-    second = face if rng.random() < 0.5 else draw_paint(rng)
+    second = face if rng.random() < 0.5 else draw_finish(rng)
     metal, floor = materials.hardware(rng), 2 * unit
     asm = Assembly()
     body: list[tuple[Manifold, Material]] = []
@@ -213,7 +213,7 @@ def key_cabinet(rng) -> Assembly:
     wide = float(rng.uniform(0.2, 0.4))
     high, deep = wide * float(rng.uniform(0.8, 1.5)), wide * float(rng.uniform(0.2, 0.4))
     unit, half, wall = max(wide, high) / 100, wide / 2, 0.035 * wide
-    face, metal = draw_paint(rng), materials.hardware(rng)
+    face, metal = draw_finish(rng), materials.hardware(rng)
     asm, body = Assembly(), Shape()
     solid = box([0, -half, 0], [deep, half, high])
     solid -= doorway((-half, half, 0, high), wall, deep - wall)
@@ -228,7 +228,7 @@ def key_cabinet(rng) -> Assembly:
         ]
         body.add(union(hooks) - solid, metal)
     root = asm.add("body", body)
-    second = face if rng.random() < 0.5 else draw_paint(rng)
+    second = face if rng.random() < 0.5 else draw_finish(rng)
     if rng.random() < 0.3:
         spans = [("left", (-half, -0.3 * unit, 0, high)), ("right", (0.3 * unit, half, 0, high))]
     else:

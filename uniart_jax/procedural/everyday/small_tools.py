@@ -22,7 +22,7 @@ from uniart_jax.procedural.shapes import (
 )
 
 
-def grip_finish(rng: np.random.Generator) -> Material:
+def draw_grip_finish(rng: np.random.Generator) -> Material:
     """Draw the finish of a grip: bright plastic, wood, dark plastic, horn or metal."""
     kind = rng.choice(5, p=[0.42, 0.16, 0.18, 0.1, 0.14])
     if kind == 0:
@@ -76,7 +76,7 @@ def clippers(rng: np.random.Generator) -> list[PartSpec]:
     slim = float(rng.uniform(0.65, 0.95))
     lever ^= extrusion(plan * [1.1, slim], "z", [0, 0, 0], 1)
     knob = cylinder("z", [29 * unit, 0, top + 2 * unit], 5 * unit, 4 * unit, segments=14)
-    finish = steel if rng.random() < 0.5 else grip_finish(rng)
+    finish = steel if rng.random() < 0.5 else draw_grip_finish(rng)
     joint = hinge((29 * unit, 0, 0), (0, 0, float(rng.choice([-1, 1]))), np.pi)
     parts.append(("lever", Shape().add(tidy(lever + knob), finish), 0, joint))
     if file:
@@ -95,7 +95,11 @@ def ruler(rng: np.random.Generator) -> list[PartSpec]:
     length, count = float(rng.uniform(0.12, 0.26)), int(rng.integers(3, 8))
     unit = length / 100
     wide, thick, air = float(rng.uniform(8, 15)) * unit, float(rng.uniform(3, 5)) * unit, 0.4 * unit
-    tones = [grip_finish(rng)] * 2 if rng.random() < 0.6 else [grip_finish(rng), grip_finish(rng)]
+    tones = (
+        [draw_grip_finish(rng)] * 2
+        if rng.random() < 0.6
+        else [draw_grip_finish(rng), draw_grip_finish(rng)]
+    )
     metal, ink = materials.hardware(rng), materials.dark(rng)
     outline = rounded(length, wide, float(rng.uniform(0.1, 0.5)) * wide)
     pivot, parts = length / 2 - 0.55 * wide, []
@@ -128,7 +132,11 @@ def punch(rng: np.random.Generator) -> list[PartSpec]:
     base, air, wall = float(rng.uniform(5, 12)) * unit, 0.5 * unit, float(rng.uniform(3, 5)) * unit
     angle, half = np.deg2rad(float(rng.uniform(16, 32))), wide / 2
     z, x = base + float(rng.uniform(24, 36)) * unit, 0.3 * depth
-    tone, steel, other = grip_finish(rng), materials.metal(rng, brushed=False), grip_finish(rng)
+    tone, steel, other = (
+        draw_grip_finish(rng),
+        materials.metal(rng, brushed=False),
+        draw_grip_finish(rng),
+    )
     foot = extrusion(rounded(depth, wide, float(rng.uniform(1, 9)) * unit), "z", [0, 0, 0], base)
     cheeks, arm = [], half - wall - air
     for y in (-half, half - wall):

@@ -12,8 +12,8 @@ from uniart_jax.procedural import materials
 from uniart_jax.procedural.everyday import vessels
 from uniart_jax.procedural.everyday.vessel_finishes import (
     clear,
-    dispenser_accent,
-    dispenser_plastic,
+    draw_dispenser_accent,
+    draw_dispenser_plastic,
 )
 from uniart_jax.procedural.everyday.vessel_fittings import bezier, taper
 from uniart_jax.procedural.everyday.vessels import frustum, half_width, stack
@@ -35,16 +35,16 @@ from uniart_jax.procedural.shapes import (
 )
 
 
-def _case(rng, depth: float, half: float, low: float, high: float, back: float = 0.0) -> Manifold:
-    """A case from x = ``back`` - ``depth`` to ``back``: rounded as seen from above, the front or a
+def _case(rng, depth: float, half: float, low: float, high: float) -> Manifold:
+    """A case from x = -``depth`` to 0: rounded as seen from above, the front or a
     side, or tapered."""
     manner = rng.choice(4)
     corner = float(rng.uniform(0.05, 0.45)) * min(depth, half)
-    x, z = back - depth / 2, (low + high) / 2
+    x, z = -depth / 2, (low + high) / 2
     if manner == 0:
         return extrusion(rounded(depth, 2 * half, corner), "z", [x, 0, low], high - low)
     if manner == 1:
-        return extrusion(rounded(2 * half, high - low, corner), "x", [back - depth, 0, z], depth)
+        return extrusion(rounded(2 * half, high - low, corner), "x", [-depth, 0, z], depth)
     if manner == 2:
         side = rounded(high - low, depth, corner)
         return extrusion(side, "y", [x, -half, z], 2 * half)
@@ -53,8 +53,8 @@ def _case(rng, depth: float, half: float, low: float, high: float, back: float =
     above = 1.0 if below < 1 else above
     points = []
     for share, zz in ((below, low), (above, high)):
-        points += [[back - share * depth, y, zz] for y in (-half, half)]
-        points += [[back, y, zz] for y in (-half, half)]
+        points += [[-share * depth, y, zz] for y in (-half, half)]
+        points += [[0.0, y, zz] for y in (-half, half)]
     return hull(np.array(points))
 
 
@@ -65,7 +65,7 @@ def wall_soap(rng: np.random.Generator) -> ArticulatedObject:
     half, depth = height * float(rng.uniform(0.2, 0.38)), height * float(rng.uniform(0.3, 0.6))
     unit = height / 100
     air, wall = 0.5 * unit, 2.4 * unit
-    face, accent = dispenser_plastic(rng), dispenser_accent(rng)
+    face, accent = draw_dispenser_plastic(rng), draw_dispenser_accent(rng)
     inner = materials.white_plastic(rng) if rng.random() < 0.6 else materials.dark(rng)
     split = height * float(rng.uniform(0.22, 0.34))  # the key is below it
     case = _case(rng, depth, half, 0.0, height)
@@ -127,7 +127,7 @@ def pump(rng: np.random.Generator) -> ArticulatedObject:
     width = float(rng.uniform(0.07, 0.12))
     height = width * float(rng.uniform(0.5, 1.05))
     unit = width / 60
-    face, metal = dispenser_plastic(rng), materials.hardware(rng)
+    face, metal = draw_dispenser_plastic(rng), materials.hardware(rng)
     if rng.random() < 0.3:
         face = clear(rng) if rng.random() < 0.6 else materials.stone(rng)
     outline = vessels.ring(32, float(rng.uniform(0.8, 1.6)), float(rng.choice([2, 4, 8])))
@@ -160,7 +160,7 @@ def pump(rng: np.random.Generator) -> ArticulatedObject:
         head = cylinder("z", [0, 0, z], 2.2 * size, 0.7 * size, 1.1 * size, 20)
     solid = tidy(union([stem, head, bar]))
     press = slide((0, 0, -1), travel)
-    tone = metal if rng.random() < 0.7 else dispenser_accent(rng)
+    tone = metal if rng.random() < 0.7 else draw_dispenser_accent(rng)
     asm.add("pump_head", Shape().add(solid, dataclasses.replace(tone)), root, press)
     return vessels.turned(asm.object(), float(rng.choice([0, 45, -45, 90, -90])))
 
@@ -171,7 +171,11 @@ def spray(rng: np.random.Generator) -> ArticulatedObject:
     height = float(rng.uniform(0.12, 0.2))
     unit = height / 70
     half = height * float(rng.uniform(0.25, 0.4))
-    face, trim, accent = dispenser_plastic(rng), dispenser_plastic(rng), dispenser_accent(rng)
+    face, trim, accent = (
+        draw_dispenser_plastic(rng),
+        draw_dispenser_plastic(rng),
+        draw_dispenser_accent(rng),
+    )
     power = float(rng.choice([2, 3, 5]))
     outline = vessels.ring(28, float(rng.uniform(0.5, 0.8)), power)
     shoulder = height * float(rng.uniform(0.55, 0.8))

@@ -8,13 +8,13 @@ from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.procedural import materials
 from uniart_jax.procedural.everyday.globe_stands import draw_finish, draw_foot
 from uniart_jax.procedural.materials import plain
+from uniart_jax.procedural.pieces import merged
 from uniart_jax.procedural.shapes import (
     Assembly,
     Shape,
     ball,
     box,
     cylinder,
-    merged,
     pipe,
     tidy,
     tube,

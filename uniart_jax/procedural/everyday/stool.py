@@ -9,21 +9,20 @@ from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.procedural import materials
 from uniart_jax.procedural.everyday.stool_parts import (
     Pieces,
-    frame_finish,
+    draw_frame_finish,
+    draw_seat_finish,
     legs_under,
     pedestal,
-    seat_finish,
     seat_on,
-    solid_shape,
 )
 from uniart_jax.procedural.everyday.turning_stand import turning_stand
 from uniart_jax.procedural.materials import plain
+from uniart_jax.procedural.pieces import disjoint, trimmed
 from uniart_jax.procedural.shapes import (
     Assembly,
     Shape,
     box,
     cylinder,
-    disjoint,
     extrusion,
     hinge,
     pipe,
@@ -52,7 +51,7 @@ def _swivel(rng: np.random.Generator) -> ArticulatedObject:
     half = float(rng.uniform(0.14, 0.2))
     thick = float(rng.uniform(0.025, 0.09))
     plan = str(rng.choice(["round", "square", "saddle"], p=[0.6, 0.25, 0.15]))
-    frame, main = frame_finish(rng), seat_finish(rng)
+    frame, main = draw_frame_finish(rng), draw_seat_finish(rng)
     trim = materials.dark(rng) if rng.random() < 0.5 else frame
     ring = materials.metal(rng, brushed=False) if rng.random() < 0.6 else frame
     motion = str(rng.choice(["turn", "screw", "lift"], p=[0.36, 0.42, 0.22]))
@@ -104,10 +103,10 @@ def _swivel(rng: np.random.Generator) -> ArticulatedObject:
         rings = [ring.translate((0, 0, k * pitch)) for k in range(int((gap - 0.022) / pitch))]
         parts += [(union([stem, under, *rings]), steel)]
         joint = screw((0, 0, 0), Z, float(rng.choice([3, 4, 5, 6, 8])), 0.75 * reach)
-        asm.add("seat", solid_shape(parts), root, joint)
+        asm.add("seat", trimmed(*parts), root, joint)
     elif motion == "turn":
         parts += [(union([stem, under]), steel)]
-        asm.add("seat", solid_shape(parts), root, turn((0, 0, 0), Z))
+        asm.add("seat", trimmed(*parts), root, turn((0, 0, 0), Z))
     else:  # a rod that slides up, and the seat that turns on it
         foot = under.translate((0, 0, -0.001))
         if rng.random() < 0.5:  # a lever on the rod, under the seat
@@ -115,8 +114,8 @@ def _swivel(rng: np.random.Generator) -> ArticulatedObject:
         short = stem ^ box([-1, -1, 0], [1, 1, low - 0.001])
         under_seat = box([-2, -2, 0], [2, 2, low - 0.001])
         column = tidy(union([short, foot]) ^ under_seat)
-        mid = asm.add("column", solid_shape([(column, steel)]), root, slide(Z, 0.75 * reach))
-        asm.add("seat", solid_shape(seat), mid, turn((0, 0, 0), Z))
+        mid = asm.add("column", trimmed((column, steel)), root, slide(Z, 0.75 * reach))
+        asm.add("seat", trimmed(*seat), mid, turn((0, 0, 0), Z))
     return asm.object()
 
 
@@ -127,7 +126,7 @@ def _steps(rng: np.random.Generator) -> ArticulatedObject:
     deep, board = float(rng.uniform(0.2, 0.28)), float(rng.uniform(0.018, 0.03))
     run = float(rng.uniform(0.6, 0.9)) * deep  # of a tread in front of the one above
     side = float(rng.uniform(0.018, 0.03))
-    frame, tread = frame_finish(rng), seat_finish(rng)
+    frame, tread = draw_frame_finish(rng), draw_seat_finish(rng)
     half, air = width / 2, 0.003
     total = deep + count * run
     step = high / (count + 1)
@@ -161,7 +160,7 @@ def _steps(rng: np.random.Generator) -> ArticulatedObject:
         foot = [total + 0.012, y + w, high - board - 0.006]
         pieces.append((box([total - 0.2 * side, y - w, low], foot), frame))
         pieces.append((box([total + 0.003, y - w, low], [total + 0.012, y + w, high]), frame))
-    root = asm.add("frame", solid_shape(pieces))
+    root = asm.add("frame", trimmed(*pieces))
     plate = box([0, -half - 0.01, 0], [deep, half + 0.01, board])
     if rng.random() < 0.5:
         plate = extrusion(rounded(deep, width + 0.02, 0.03), "z", [deep / 2, 0, 0], board)
@@ -180,7 +179,7 @@ def _steps(rng: np.random.Generator) -> ArticulatedObject:
             own.append((mark.translate((x, 0, z)), mat))
         back = x + (run - 0.012 if k < count else deep)
         most = float(np.deg2rad(rng.uniform(70, 88) if k < count else rng.uniform(75, 95)))
-        asm.add(name, solid_shape(own), root, hinge((back, 0, z + board), Y, most))
+        asm.add(name, trimmed(*own), root, hinge((back, 0, z + board), Y, most))
     return asm.object()
 
 
@@ -194,17 +193,17 @@ def _chest(rng: np.random.Generator) -> ArticulatedObject:
         base -= cylinder("z", [0, 0, 0.035], 1, 1.01 * r + 0.002, segments=34)
         skirt = tube("z", [0, 0, 0], 0.03, 1.36 * r, 1.2 * r, 34)
         asm = Assembly()
-        root = asm.add("base", solid_shape([(base, tone), (skirt, rubber)]))
+        root = asm.add("base", trimmed((base, tone), (skirt, rubber)))
         drum = cylinder("z", [0, 0, 0.09], high - 0.1, r, 0.96 * r, 34)
         mat = cylinder("z", [0, 0, high - 0.01], 0.015, 0.99 * r, 0.94 * r, 34)
         top = [(drum, tone if rng.random() < 0.6 else tone.darker(0.8)), (mat, rubber)]
-        asm.add("drum", solid_shape(top), root, slide(-Z, float(rng.uniform(0.03, 0.05))))
+        asm.add("drum", trimmed(*top), root, slide(-Z, float(rng.uniform(0.03, 0.05))))
         return asm.object()
     deep, high = float(rng.uniform(0.34, 0.5)), float(rng.uniform(0.36, 0.5))
     width = deep * float(rng.choice([1.0, rng.uniform(1.1, 2.2)]))
     wall, pad = 0.016, float(rng.uniform(0.04, 0.1))
-    main = seat_finish(rng)
-    cushion = main if rng.random() < 0.5 else seat_finish(rng)
+    main = draw_seat_finish(rng)
+    cushion = main if rng.random() < 0.5 else draw_seat_finish(rng)
     legs = float(rng.uniform(0.03, 0.12)) if rng.random() < 0.6 else 0.0
     corner = float(rng.uniform(0.005, 0.06))
     outline = rounded(deep, width, corner)
@@ -214,17 +213,17 @@ def _chest(rng: np.random.Generator) -> ArticulatedObject:
     case -= extrusion(inner, "z", [0, 0, legs + wall], 1)
     pieces = [(case, main)]
     if legs:
-        frame = frame_finish(rng)
+        frame = draw_frame_finish(rng)
         for x in (-0.42 * deep, 0.42 * deep):
             for y in (-0.5 * width + 0.08 * deep, 0.5 * width - 0.08 * deep):
                 pieces.append((cylinder("z", [x, y, 0], legs, 0.012, 0.02, 12), frame))
     asm = Assembly()
-    root = asm.add("box", solid_shape(pieces))
+    root = asm.add("box", trimmed(*pieces))
     base = extrusion(outline, "z", [0, 0, top + 0.003], 0.3 * pad)
     soft = extrusion(0.97 * outline, "z", [0, 0, top + 0.003 + 0.3 * pad], 0.7 * pad)
     lid = [(base, main), (soft, cushion)]
     joint = hinge((deep / 2, 0, top + 0.003), Y, float(np.deg2rad(rng.uniform(70, 105))))
     if rng.random() < 0.25:
         joint = slide(Z, 0.5 * high)  # lifts off
-    asm.add("lid", solid_shape(lid), root, joint)
+    asm.add("lid", trimmed(*lid), root, joint)
     return asm.object()

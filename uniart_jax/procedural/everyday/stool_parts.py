@@ -8,27 +8,19 @@ from manifold3d import Manifold
 from uniart_jax.procedural import materials
 from uniart_jax.procedural.materials import Material, plain
 from uniart_jax.procedural.shapes import (
-    Shape,
     cylinder,
-    disjoint,
     extrusion,
     hull,
     pipe,
     revolution,
     rounded,
-    shape_of,
     union,
 )
 
 Pieces = list[tuple[Manifold, Material]]
 
 
-def solid_shape(pieces: Pieces) -> Shape:
-    """A shape of pieces that may overlap; the later ones are cut."""
-    return shape_of(disjoint(pieces, tidied=1e-5))
-
-
-def frame_finish(rng: np.random.Generator) -> Material:
+def draw_frame_finish(rng: np.random.Generator) -> Material:
     """Draw the finish of a frame: wood, steel, black or painted metal."""
     kind = rng.choice(4, p=[0.4, 0.26, 0.16, 0.18])
     if kind == 0:
@@ -38,7 +30,7 @@ def frame_finish(rng: np.random.Generator) -> Material:
     return materials.dark(rng) if kind == 2 else plain(rng.uniform(0.1, 0.9, 3))
 
 
-def seat_finish(rng: np.random.Generator) -> Material:
+def draw_seat_finish(rng: np.random.Generator) -> Material:
     """Draw the finish of a seat: wood, leather, cloth or plastic of any colour."""
     kind = rng.choice(4, p=[0.4, 0.2, 0.28, 0.12])
     if kind == 0:

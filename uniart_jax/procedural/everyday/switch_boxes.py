@@ -8,8 +8,9 @@ from manifold3d import Manifold
 
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.procedural import materials
-from uniart_jax.procedural.everyday.switch_controls import push_button, rounded_block, switch_finish
+from uniart_jax.procedural.everyday.switch_controls import draw_finish, push_button, rounded_block
 from uniart_jax.procedural.materials import Material, plain
+from uniart_jax.procedural.pieces import shape_of
 from uniart_jax.procedural.shapes import (
     Assembly,
     Shape,
@@ -19,7 +20,6 @@ from uniart_jax.procedural.shapes import (
     hinge,
     hull,
     pipe,
-    shape_of,
     tidy,
     union,
 )
@@ -35,7 +35,7 @@ def breaker_box(rng: np.random.Generator) -> ArticulatedObject:
     height, deep = rows * row_h + 0.05, float(rng.uniform(0.06, 0.1))
     unit = max(width, height) / 100
     wall = 1.6 * unit + 0.002
-    face = switch_finish(rng) if rng.random() < 0.5 else materials.white_plastic(rng)
+    face = draw_finish(rng) if rng.random() < 0.5 else materials.white_plastic(rng)
     inner = materials.white_plastic(rng) if rng.random() < 0.6 else face.darker(0.8)
     door = rng.random() < 0.75
     case = rounded_block(width, height, float(rng.uniform(0.5, 4)) * unit, -deep, 0, 0, 0)
@@ -88,7 +88,7 @@ def _door(rng, asm: Assembly, root: int, width, height, deep, unit, face: Materi
     less = 0.0 if rng.random() < 0.6 else 1.2 * unit  # a frame about it
     w, h = width - less, height - less
     look = materials.glass(rng) if rng.random() < 0.35 else face
-    look = switch_finish(rng) if rng.random() < 0.2 else look
+    look = draw_finish(rng) if rng.random() < 0.2 else look
     x1 = -deep - air
     leaf = rounded_block(w, h, 2 * unit, x1 - thick, x1, 0, 0)
     shape = Shape().add(leaf, look)
@@ -112,7 +112,7 @@ def isolator(rng: np.random.Generator) -> ArticulatedObject:
     width, height = float(rng.uniform(0.08, 0.22)), float(rng.uniform(0.1, 0.32))
     deep = float(rng.uniform(0.4, 0.8)) * min(width, height)
     unit = max(width, height, deep) / 100
-    face = switch_finish(rng)
+    face = draw_finish(rng)
     strong = [(0.8, 0.08, 0.06), (0.9, 0.75, 0.1), (0.1, 0.5, 0.2), (0.1, 0.1, 0.1)]
     tone = plain(strong[rng.integers(4)])
     yellow = (
@@ -180,7 +180,7 @@ def isolator(rng: np.random.Generator) -> ArticulatedObject:
         sign = rounded_block(
             0.5 * w, 0.25 * h, unit, -deep - 1.2 * unit, -deep - 0.8 * unit, 0, 0.2 * h
         )
-        body.add(lid, switch_finish(rng) if rng.random() < 0.4 else face.darker(0.93))
+        body.add(lid, draw_finish(rng) if rng.random() < 0.4 else face.darker(0.93))
         body.add(sign, yellow)
     if rng.random() < 0.6:  # cable glands
         for y in (-0.25 * width, 0.25 * width) if rng.random() < 0.5 else (0.0,):

@@ -3,7 +3,8 @@ finishes of switches.
 
 Each control sits at a point of a face x = const, in a gang ``size`` wide and ``tall`` high, over a
 box ``deep`` metres deep. Its function returns the holes to cut, the fixed pieces and the moving
-parts (name, pieces, joint), in metres.
+parts (name, pieces, joint), in metres. All take the same arguments, for they are chosen by name;
+not all need every one.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from uniart_jax.procedural.shapes import (
 Y_AXIS, Z_AXIS = (0, 1, 0), (0, 0, 1)
 
 
-def switch_finish(rng: np.random.Generator) -> Material:
+def draw_finish(rng: np.random.Generator) -> Material:
     """Draw a finish: white, cream, dark, steel, brass, wood or a colour."""
     kind = rng.choice(6, p=[0.36, 0.14, 0.14, 0.14, 0.08, 0.14])
     if kind == 0:

@@ -80,7 +80,7 @@ def hollow(rows: Rows, wall: float, floor: float) -> Manifold:
     return stack([*inside, (inside[-1][0], rows[-1][1] + wall)])
 
 
-def finish(rng: np.random.Generator) -> Material:
+def draw_finish(rng: np.random.Generator) -> Material:
     """Draw a finish: glazed clay, enamel, bright plastic, metal or wood."""
     kind = rng.choice(5, p=[0.3, 0.15, 0.25, 0.2, 0.1])
     if kind == 0:
@@ -92,7 +92,7 @@ def finish(rng: np.random.Generator) -> Material:
     return materials.hardware(rng) if kind == 3 else materials.wood(rng)
 
 
-def grip(rng, z: float, room: float, metal: Material) -> tuple[Manifold, float]:
+def grip(rng, z: float, room: float) -> tuple[Manifold, float]:
     """A grip on the middle of a lid at height ``z``, and the grip's height (metres)."""
     r = float(rng.uniform(0.16, 0.32)) * room
     kind = str(rng.choice(["ball", "button", "bar", "ring"]))

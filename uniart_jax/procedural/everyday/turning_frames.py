@@ -10,6 +10,7 @@ from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.procedural import materials
 from uniart_jax.procedural.everyday.globe_stands import draw_finish, draw_foot, flat_ring
 from uniart_jax.procedural.materials import Material, plain
+from uniart_jax.procedural.pieces import merged
 from uniart_jax.procedural.shapes import (
     Assembly,
     Shape,
@@ -18,7 +19,6 @@ from uniart_jax.procedural.shapes import (
     cylinder,
     extrusion,
     hinge,
-    merged,
     revolution,
     rounded,
     slide,

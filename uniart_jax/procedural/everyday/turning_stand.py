@@ -6,8 +6,9 @@ import numpy as np
 
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.procedural import materials
-from uniart_jax.procedural.everyday.stool_parts import frame_finish, solid_shape
+from uniart_jax.procedural.everyday.stool_parts import draw_frame_finish
 from uniart_jax.procedural.materials import Material, plain
+from uniart_jax.procedural.pieces import trimmed
 from uniart_jax.procedural.shapes import (
     Assembly,
     ball,
@@ -32,7 +33,7 @@ def turning_stand(rng: np.random.Generator) -> ArticulatedObject:
     steel, tone = materials.metal(rng, brushed=False), plain(rng.uniform(0.15, 0.95, 3))
     white = materials.white_plastic(rng)
     finish = (materials.wood(rng), white, steel, materials.stone(rng), tone)[rng.integers(5)]
-    foot = finish if rng.random() < 0.5 else frame_finish(rng)
+    foot = finish if rng.random() < 0.5 else draw_frame_finish(rng)
     tall = rng.random() < 0.55
     neck = r * float(rng.uniform(0.35, 0.9)) if tall else r * float(rng.uniform(0.06, 0.15))
     size = r * float(rng.uniform(0.5, 0.8))
@@ -48,7 +49,7 @@ def turning_stand(rng: np.random.Generator) -> ArticulatedObject:
         stem = extrusion(rounded(1.7 * size, 1.7 * size, 0.2 * size), "z", [0, 0, 0], neck)
     else:
         stem = cylinder("z", [0, 0, 0], neck, size, 0.9 * size, 32)
-    root = asm.add("foot", solid_shape([(stem, foot)]))
+    root = asm.add("foot", trimmed((stem, foot)))
     z, thick = neck + 0.0015 * (1 + 4 * r), r * float(rng.uniform(0.05, 0.1))
     plan = str(rng.choice(["round", "square"], p=[0.8, 0.2]))
     plate = cylinder("z", [0, 0, z], thick, 0.97 * r, r, 40)
@@ -58,7 +59,7 @@ def turning_stand(rng: np.random.Generator) -> ArticulatedObject:
     top, high = z + thick, r * float(rng.uniform(0.06, 0.25))
     if rim:
         band = tube("z", [0, 0, top - 0.001], high, 0.98 * r, 0.93 * r, 40)
-        pieces.append((band, finish if rng.random() < 0.6 else frame_finish(rng)))
+        pieces.append((band, finish if rng.random() < 0.6 else draw_frame_finish(rng)))
     extra = str(rng.choice(EXTRAS, p=[0.12, 0.24, 0.36, 0.14, 0.14]))
     if extra == "tier":
         rise, small = r * float(rng.uniform(0.5, 0.9)), r * float(rng.uniform(0.55, 1.0))
@@ -81,7 +82,7 @@ def turning_stand(rng: np.random.Generator) -> ArticulatedObject:
                 "z", [0.55 * r, 0, top - 0.001], r * float(rng.uniform(0.25, 0.7)), 0.22 * r
             )
             pieces.append((jar.rotate((0, 0, 85 * k + float(rng.uniform(0, 12)))), tone))
-    table = asm.add("plate", solid_shape(pieces), root, turn((0, 0, 0), Z))
+    table = asm.add("plate", trimmed(*pieces), root, turn((0, 0, 0), Z))
     if extra == "dome":
         _add_dome(rng, asm, table, r, top, foot)
     return asm.object()
@@ -102,4 +103,4 @@ def _add_dome(rng, asm: Assembly, table: int, r: float, top: float, knob_finish:
     shell = revolution(profile, "z", [0, 0, top + 0.002], 34)
     shell += cylinder("z", [0, 0, top + 0.98 * rise], 0.1 * r, 0.05 * r, segments=14)
     knob = ball([0, 0, top + rise + 0.14 * r], 0.1 * r, 14)
-    asm.add("dome", solid_shape([(shell, tone), (knob, knob_finish)]), table, slide(Z, 1.2 * rise))
+    asm.add("dome", trimmed((shell, tone), (knob, knob_finish)), table, slide(Z, 1.2 * rise))

@@ -17,15 +17,14 @@ from uniart_jax.procedural.everyday.pipe_fittings import (
     placement,
 )
 from uniart_jax.procedural.everyday.valve_bodies import hand_wheel, valve_on_pipe
+from uniart_jax.procedural.pieces import disjoint, shape_of
 from uniart_jax.procedural.shapes import (
     Assembly,
     Shape,
     ball,
     box,
     cylinder,
-    disjoint,
     screw,
-    shape_of,
     tidy,
     tube,
     turn,
@@ -89,7 +88,7 @@ def _pipe_run(rng, look: Look, r: float) -> Works:
         else:
             way = [X, -Z][rng.integers(2)] if stood != "upright" else [X, -X][rng.integers(2)]
             end, long = str(rng.choice(["open", "flange"])), r * float(rng.uniform(2.2, 4))
-            pieces = pipe_end(rng, look, r, None, end, long)
+            pieces = pipe_end(look, r, None, end, long)
             level = abs(way[2]) < 0.5
             place = placement(np.cross(way, Z) if level else X, Z if level else np.cross(X, way))
             part, half, ahead, back = Works(pieces), 1.3 * r, 1.3 * r, 1.3 * r
@@ -109,7 +108,7 @@ def _pipe_run(rng, look: Look, r: float) -> Works:
         if bend is not None and way < 0:
             bend = bend * ([-1, 1, 1] if abs(bend[2]) < 0.5 else 1)
         place = placement(way * X, Z, [0, at, 0])
-        works.take(Works(pipe_end(rng, look, r, bend, kind, long)), place)
+        works.take(Works(pipe_end(look, r, bend, kind, long)), place)
     tilt = {"up": 0.0, "front": -np.pi / 2, "tilted": -float(rng.uniform(0.4, 1.1))}.get(stood, 0.0)
     frame = placement(np.cos(tilt) * X - np.sin(tilt) * Z, np.cos(tilt) * Z + np.sin(tilt) * X)
     if stood == "upright":
@@ -136,7 +135,7 @@ def _manifold(rng, look: Look, r: float) -> Works:
         part.body += _couplings(look, b, half)
         part.body += [
             (s.translate((0, 0.2 * half, 0)), m)
-            for s, m in pipe_end(rng, look, b, None, "open", 0.8 * half + 2.5 * b)
+            for s, m in pipe_end(look, b, None, "open", 0.8 * half + 2.5 * b)
         ]
         part.body.append((cylinder("y", [0, -at, 0], at, b), look.pipe))
         works.take(part, placement(-Y if up > 0 else Y, -X, [0, k * pitch, up * at]))
@@ -146,7 +145,7 @@ def _manifold(rng, look: Look, r: float) -> Works:
     for at, way, long in ((0.0, -1, ends[0]), ((count - 1) * pitch, 1, ends[1])):
         end = str(rng.choice(["open", "flange", "cap"], p=[0.3, 0.4, 0.3]))
         place = placement(way * X, Z, [0, at, 0])
-        works.take(Works(pipe_end(rng, look, r, None, end, long)), place)
+        works.take(Works(pipe_end(look, r, None, end, long)), place)
     return works
 
 

@@ -15,7 +15,7 @@ def _copper(rng: np.random.Generator) -> Material:
     return plain(materials.hsv(rng, (0.02, 0.12), (0.45, 0.7), (0.5, 0.8)))
 
 
-def kettle_finish(rng: np.random.Generator) -> Material:
+def draw_kettle_finish(rng: np.random.Generator) -> Material:
     """Draw the finish of a kettle: steel, enamel or plastic of any colour, white, black, copper or
     glass."""
     kind = rng.choice(6, p=[0.28, 0.28, 0.14, 0.14, 0.08, 0.08])
@@ -27,7 +27,7 @@ def kettle_finish(rng: np.random.Generator) -> Material:
     return makers.get(int(kind), materials.glass)(rng)
 
 
-def pot_finish(rng: np.random.Generator) -> Material:
+def draw_pot_finish(rng: np.random.Generator) -> Material:
     """Draw the finish of a pot: steel, enamel, cast iron, copper, aluminium or earthenware."""
     kind = rng.choice(5, p=[0.36, 0.3, 0.18, 0.09, 0.07])
     if kind == 1:
@@ -39,7 +39,7 @@ def pot_finish(rng: np.random.Generator) -> Material:
     return materials.metal(rng) if kind == 0 else materials.dark(rng)
 
 
-def pot_trim(rng: np.random.Generator, face: Material) -> Material:
+def draw_pot_trim(rng: np.random.Generator, face: Material) -> Material:
     """Draw the finish of handles and knobs: dark, steel, wood, the pot's own or any colour."""
     kind = rng.choice(5, p=[0.34, 0.24, 0.14, 0.18, 0.1])
     if kind == 2:
@@ -51,7 +51,7 @@ def pot_trim(rng: np.random.Generator, face: Material) -> Material:
     return materials.dark(rng) if kind == 0 else materials.hardware(rng)
 
 
-def dispenser_plastic(rng: np.random.Generator) -> Material:
+def draw_dispenser_plastic(rng: np.random.Generator) -> Material:
     """Draw the finish of a dispenser: white, grey, steel, dark or any colour."""
     kind = rng.choice(5, p=[0.28, 0.2, 0.18, 0.24, 0.1])
     if kind == 3:
@@ -60,7 +60,7 @@ def dispenser_plastic(rng: np.random.Generator) -> Material:
     return makers.get(int(kind), materials.paint)(rng)
 
 
-def dispenser_accent(rng: np.random.Generator) -> Material:
+def draw_dispenser_accent(rng: np.random.Generator) -> Material:
     """Draw the finish of levers and keys: a vivid colour, dark or metal."""
     if rng.random() < 0.45:
         return plain(materials.hsv(rng, (0, 1), (0.6, 1), (0.4, 0.95)))

@@ -11,15 +11,9 @@ from manifold3d import Manifold
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.procedural import materials
 from uniart_jax.procedural.everyday.switch_boxes import breaker_box, isolator
-from uniart_jax.procedural.everyday.switch_controls import CONTROLS, rounded_block, switch_finish
-from uniart_jax.procedural.shapes import (
-    Assembly,
-    Shape,
-    cut,
-    cylinder,
-    shape_of,
-    tidy,
-)
+from uniart_jax.procedural.everyday.switch_controls import CONTROLS, draw_finish, rounded_block
+from uniart_jax.procedural.pieces import shape_of
+from uniart_jax.procedural.shapes import Assembly, Shape, cut, cylinder, tidy
 
 KINDS = tuple(CONTROLS)
 
@@ -47,9 +41,9 @@ def _plate(rng: np.random.Generator) -> ArticulatedObject:
         width += (count - 1) * pitch
     thick = size * float(rng.uniform(0.12, 0.2) if rng.random() < 0.6 else rng.uniform(0.35, 0.8))
     corner = size * float(rng.uniform(0.02, 0.25))
-    face = switch_finish(rng)
-    insert = face if rng.random() < 0.6 else switch_finish(rng)
-    accent = face.darker(0.75) if rng.random() < 0.5 else switch_finish(rng)
+    face = draw_finish(rng)
+    insert = face if rng.random() < 0.6 else draw_finish(rng)
+    accent = face.darker(0.75) if rng.random() < 0.5 else draw_finish(rng)
     if accent.color == insert.color:
         accent = insert.darker(0.8)
     body, asm = Shape(), Assembly()

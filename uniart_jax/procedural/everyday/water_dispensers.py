@@ -12,8 +12,8 @@ from uniart_jax.procedural import materials
 from uniart_jax.procedural.everyday import vessel_fittings, vessels
 from uniart_jax.procedural.everyday.vessel_finishes import (
     clear,
-    dispenser_accent,
-    dispenser_plastic,
+    draw_dispenser_accent,
+    draw_dispenser_plastic,
 )
 from uniart_jax.procedural.everyday.vessel_fittings import dome
 from uniart_jax.procedural.everyday.vessels import frustum, half_width, stack
@@ -71,7 +71,11 @@ def water(rng: np.random.Generator) -> ArticulatedObject:
     round_ = rng.random() < 0.6
     power = 2.0 if round_ else float(rng.uniform(4, 8))
     outline = vessels.ring(36, 1.0 if round_ else float(rng.uniform(0.8, 1.4)), power)
-    face, metal, tone = dispenser_plastic(rng), materials.hardware(rng), dispenser_accent(rng)
+    face, metal, tone = (
+        draw_dispenser_plastic(rng),
+        materials.hardware(rng),
+        draw_dispenser_accent(rng),
+    )
     face = clear(rng) if rng.random() < 0.4 else face
     legs = float(rng.uniform(12, 45)) * unit
     belly = radius * float(rng.choice([1.0, rng.uniform(1.0, 1.2)]))
@@ -117,7 +121,11 @@ def _cooler(rng: np.random.Generator) -> ArticulatedObject:
     height = float(rng.uniform(0.8, 1.1))
     half, depth = float(rng.uniform(0.13, 0.18)), float(rng.uniform(0.28, 0.36))
     unit = height / 100
-    face, tone, metal = dispenser_plastic(rng), dispenser_accent(rng), materials.hardware(rng)
+    face, tone, metal = (
+        draw_dispenser_plastic(rng),
+        draw_dispenser_accent(rng),
+        materials.hardware(rng),
+    )
     low, high = height * float(rng.uniform(0.5, 0.6)), height * float(rng.uniform(0.84, 0.92))
     niche = depth * float(rng.uniform(0.3, 0.45))
     wall = 2 * unit
@@ -134,7 +142,7 @@ def _cooler(rng: np.random.Generator) -> ArticulatedObject:
     count = int(rng.choice([1, 2, 3], p=[0.2, 0.5, 0.3]))
     ys = (np.arange(count) - (count - 1) / 2) * 0.5 * half
     taps = [_tap(rng, asm, body, case, (niche, y, high - 15 * unit), 1.0 * unit,
-                 dispenser_accent(rng), metal, count == 1) for y in ys]  # fmt: skip
+                 draw_dispenser_accent(rng), metal, count == 1) for y in ys]  # fmt: skip
     root = asm.add("body", body)
     for tap in taps:
         tap(root)
