@@ -81,7 +81,7 @@ def test_buckets_move():
 
 
 @pytest.mark.parametrize(
-    "name", ["folding_chair-37", "folding_chair-36", "jar-30", "coffee_machine-6"]
+    "name", ["folding_chair-37", "folding_chair-36", "jar-30", "coffee_machine-6", "globe-140"]
 )
 def test_parts_that_once_met(name):
     family, seed = name.rsplit("-", 1)

@@ -116,6 +116,8 @@ def espresso_machine(rng: np.random.Generator) -> ArticulatedObject:
         swing = -float(np.deg2rad(rng.uniform(35, 75)))
         index = asm.add("filter_handle", shape, root, hinge((gx, y, 0), (0, 0, 1), swing))
         handles.append((index, grip))
+    if len(handles) == 2:
+        _limit_turn(asm, *handles[0], handles[1][1])
     for x, y, z in pivots:
         tip = [x - 3 * unit, y, z + float(rng.uniform(20, 38)) * unit]
         bar = pipe([[x, y, z + 1.6 * unit + air], [x, y, z + 6 * unit], tip], 1.4 * unit, 10)

@@ -82,7 +82,8 @@ def tripod(rng: np.random.Generator) -> ArticulatedObject:
     if rng.random() < 0.5:  # a bar to steer with
         far = float(rng.uniform(12, 20)) * unit
         z = top + air + 1.5 * unit
-        grip = [pipe([[3 * unit, 0, z], [far, 0, z - far]], 0.9 * unit, 10)]
+        low = z - (0.5 if folds else 1.0) * far  # above legs that fold
+        grip = [pipe([[3 * unit, 0, z], [far, 0, low]], 0.9 * unit, 10)]
     head = asm.add(
         "pan_head",
         Shape().add(tidy(union([*pan, *grip])), dark),
