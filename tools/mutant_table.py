@@ -32,6 +32,8 @@ NAP, EXPORT_NAP = "uniart_jax/objects/nap.py", "tools/export_nap.py"
 MOVES = "tests/objects/test_nap.py::test_parts_move_as_nap_moves_them"
 READ = "uniart_jax/voxels/read_layout.py"
 KNOBS = "tests/voxels/test_layout_table.py::test"
+BACKS = "uniart_jax/export/plate_backs.py"
+OF_BACKS = "tests/export/test_plate_backs.py::test"
 UNITS = "tests/inference/test_samplers.py::test_samples_are_given_the_latents_mean_and_deviation"
 OUTSIDE = "tests/inference/test_samplers.py::test_outside_its_interval_guidance_changes_nothing"
 INTERVAL = (
@@ -354,6 +356,13 @@ MUTANTS = (
         f"{OUTSIDE}[latent]",
     ),
     Mutant(READ, "back, forth = forth, back", "pass", f"{KNOBS}_a_knob_turns_clockwise"),
+    Mutant(
+        BACKS,
+        "(deep > 0) & (deep < THICK)",
+        "True",
+        f"{OF_BACKS}_each_part_goes_by_its_own_front_and_what_is_far_behind_stays",
+    ),
+    Mutant(BACKS, "(edge > SURE)", "True", f"{OF_BACKS}_guesses_beside_an_edge_do_not_count"),
     Mutant(READ, "turn.direction < 0", "turn.direction > 0", f"{KNOBS}_a_knob_turns_clockwise"),
     Mutant(READ, "> OFF_AXIS * largest", "> 9", f"{KNOBS}_a_small_lid_opens_as_it_is_read"),
     Mutant(
