@@ -68,8 +68,8 @@ def test_time_steps_are_trelliss():
 def test_euler_is_exact_on_straight_paths():
     x0, noise = normal(3, 4), normal(3, 4, seed=1)
     for steps in (1, 7):
-        run = jax.jit(lambda x: euler(lambda x, t: noise - x0, x, steps, rescale_t=3.0))  # noqa: B023
-        out = run(noise)
+        run = jax.jit(euler, static_argnums=(0, 2), static_argnames="rescale_t")
+        out = run(lambda x, t: noise - x0, noise, steps, rescale_t=3.0)
         np.testing.assert_allclose(out, x0, atol=1e-6)
 
 

@@ -98,12 +98,13 @@ def coupling(look: Look, r: float, y: float, way: int) -> Pieces:
         discs = [cylinder("y", [0, y - thick, 0], 0.96 * thick, wide, segments=22)]
         discs.append(discs[0].translate((0, 1.04 * thick, 0)))
         discs.append(cylinder("y", [0, y - 0.5 * thick, 0], thick, 0.9 * wide, segments=16))
+        start = y + thick if way > 0 else y - 1.7 * thick
         bolts = [
-            cylinder("y", [0, y + thick if way > 0 else y - 1.7 * thick, 0], 0.7 * thick, 0.2 * r, segments=6)  # noqa: E501
+            cylinder("y", [0, start, 0], 0.7 * thick, 0.2 * r, segments=6)
             .translate((1.42 * r, 0, 0))
             .rotate((0, 45 + 90 * k, 0))
             for k in range(4)
-        ]  # fmt: skip
+        ]
         return [(union(discs), look.body), (union(bolts), look.metal)]
     if look.joint == "nut":
         nut = cylinder("y", [0, y - 0.5 * r, 0], r, 1.45 * r, segments=6)
