@@ -1,6 +1,7 @@
 """Training on a pool of objects that are made all the time: ``tools/train_pool.py`` and what it
 runs on."""
 
+import argparse
 import importlib
 import os
 import runpy
@@ -241,6 +242,19 @@ def test_an_update_is_compiled_for_batches_like_one(pool_tools):
     np.testing.assert_allclose(program(start(), ones, key, half, weights)[0].params, 0.0)
     with pytest.raises(TypeError):  # it is compiled, for this shape alone
         program(start(), np.ones((3, 2), np.float32), key, half, weights)
+
+
+def test_the_refiner_learns_in_one_of_a_few_steps_of_the_flow(pool_tools):
+    """Every step that is the structure flow's is of one loss."""
+    tool = importlib.import_module("train_pool")
+    given = argparse.Namespace(flow_every=2, refine_every=3, mask_every=4)
+    steps = tool.due_steps("structure_flow", given)
+    taken = {name: [s for s in range(13) if due(s)] for name, due in steps.items()}
+    assert taken == {"structure_flow": [0, 6, 12], "unrefined": [2, 4, 8, 10]}
+    given.refine_every = 1
+    assert list(tool.due_steps("structure_flow", given)) == ["structure_flow"]
+    assert [s for s in range(9) if tool.due_steps("mask", given)["mask"](s)] == [0, 4, 8]
+    assert all(tool.due_steps("layout", given)["layout"](s) for s in range(9))
 
 
 def test_the_deadline_of_no_file_is_the_one_before(pool_tools, tmp_path):

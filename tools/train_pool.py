@@ -1,7 +1,9 @@
-"""Layout network, structure flow and mask network trained on from a checkpoint, together, on one
-accelerator.
+"""Layout network, structure flow and mask network, or some of them, trained on from a checkpoint,
+together, on one accelerator; one of them also on a CPU.
 
     python tools/train_pool.py --init nano --out OUT --processes 13 --seconds 1500
+    python tools/train_pool.py --init nano --out OUT --networks structure_flow --refine-every 4 \\
+        --batch 24 --processes 1 --seconds 3600
 
 Worker processes make objects of a world without end (``pool_objects``): a picture, what a
 photograph of it would give (``data.photographs``), the voxels that its surface touches, and for
@@ -13,8 +15,9 @@ shown a few times only.
                 photographs; a step with every batch
     structure   rectified flow of the structure latent, most of it at t = 1; besides, cross-entropy
                 and Dice of what the structure VAE decodes of its x_0, and of what the refiner makes
-                of that. Layouts are true, with errors (``data.layout_errors``), absent, or those
-                that the layout network finds in the picture. A step every ``--flow-every``
+                of that (in one step of ``--refine-every``: on a CPU it is most of a step's time).
+                Layouts are true, with errors (``data.layout_errors``), absent, or those that the
+                layout network finds in the picture. A step every ``--flow-every``
     mask        ``training.mask_loss``, on pictures with backgrounds; a step every ``--mask-every``
 
 Each begins once it is compiled. The learning rates hold for ``HOLD`` of the time and fall to zero
@@ -49,8 +52,16 @@ HOLD = 0.45
 DECAY = 0.998  # of the averaged weights
 SAID = 15.0  # seconds between two lines
 WARMUP = 200  # steps
+NETWORKS = ("layout", "structure_flow", "mask")
 FROZEN = ("image_encoder", "structure_vae")
-READS_LAYOUTS = ("structure_flow",)  # the losses that take the frozen networks and the layout's
+
+
+class Update(NamedTuple):
+    """``make_update`` of a network, and whether it is taken at a step."""
+
+    network: str
+    step: Any
+    due: Callable[[int], bool]
 
 
 class Run(NamedTuple):
@@ -65,6 +76,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--init", default="nano", help="checkpoint to go on from")
     parser.add_argument("--out", required=True, help="checkpoint that is written")
+    parser.add_argument(
+        "--networks", nargs="+", choices=NETWORKS, default=NETWORKS, help="that are trained"
+    )
     parser.add_argument("--processes", type=int, default=13, help="that make objects")
     parser.add_argument("--seconds", type=float, default=1500, help="from the first step on")
     parser.add_argument("--deadline", default="", help="file with the end, seconds since the epoch")
@@ -78,6 +92,9 @@ def main() -> None:
     parser.add_argument("--flow-rate", type=float, default=8e-4, help="of the structure flow")
     parser.add_argument("--mask-rate", type=float, default=1.2e-3, help="of the mask network")
     parser.add_argument("--flow-every", type=int, default=2, help="steps for one of the flow")
+    parser.add_argument(
+        "--refine-every", type=int, default=1, help="of the flow, for a refined one"
+    )
     parser.add_argument("--mask-every", type=int, default=4, help="steps for one of the masks")
     parser.add_argument("--refine-channels", type=int, default=8, help="of the refiner, 0: none")
     parser.add_argument("--repeats", type=int, default=2, help="of the layout network's last layer")
@@ -114,10 +131,11 @@ def train(given: argparse.Namespace) -> None:
     out = Path(given.out)
     shutil.copytree(init.folder, out, dirs_exist_ok=True)
     write_config(out, shipped)
-    # on a GPU JAX's own derivatives of shifted sums are the faster ones, and rows are short
-    config = replace(shipped, model=replace(shipped.model, kernel="plain"))
-    nets = {n: build(n, config.model) for n in ("layout", "structure_flow", "mask", *FROZEN)}
-    fixed = jax.device_put({n: init.load(n) for n in FROZEN})
+    config = shipped
+    if jax.default_backend() != "cpu":  # JAX's own derivatives of shifted sums are the faster ones
+        config = replace(shipped, model=replace(shipped.model, kernel="plain"))
+    nets = {n: build(n, config.model) for n in (*NETWORKS, *FROZEN)}
+    fixed = jax.device_put({n: init.load(n) for n in (*FROZEN, "layout")})
     drawn = jax.device_get(nets["structure_flow"].init(jax.random.key(3)))  # of new layers
     begin = {
         "layout": init.load("layout", config.model),
@@ -125,32 +143,42 @@ def train(given: argparse.Namespace) -> None:
         "mask": init.load("mask"),
     }
     layout_loss, mask_loss = make_layout_loss(nets["layout"], config), make_mask_loss(nets["mask"])
+    unrefined = replace(shipped.model, structure_flow=replace(flow, refine_channels=0))
     losses = {
         "layout": lambda params, batch, key: layout_loss(params, batch.layout, key),
-        "structure_flow": make_structure_loss(nets, config, init.statistics("structure")),
         "mask": mask_loss,
+        "structure_flow": make_structure_loss(nets, config, init.statistics("structure")),
+        "unrefined": make_structure_loss(
+            nets, replace(config, model=unrefined), init.statistics("structure")
+        ),
     }
     rates = {"layout": given.rate, "structure_flow": given.flow_rate, "mask": given.mask_rate}
-    every = {"layout": 1, "structure_flow": given.flow_every, "mask": given.mask_every}
-    runs, updates = {}, {}
-    for name, params in begin.items():
+    runs: dict[str, Run] = {}
+    updates: list[Update] = []
+    for name in given.networks:
         stage = replace(
             getattr(base, name),
             learning_rate=rates[name],
             schedule="constant",
             warmup_steps=WARMUP,
         )
-        optimizer, params = make_optimizer(stage), jax.device_put(params)
+        optimizer, params = make_optimizer(stage), jax.device_put(begin[name])
         runs[name] = Run(params, optimizer.init(params), jax.tree.map(jnp.copy, params))
-        updates[name] = make_update(losses[name], optimizer, frozen_mask(params, stage.freeze))
+        for loss, due in due_steps(name, given).items():
+            step = make_update(losses[loss], optimizer, frozen_mask(params, stage.freeze))
+            updates.append(Update(name, step, due))
     prepare, prepare_scenes = jax.jit(prepared), jax.jit(prepared_scenes)
 
     def loss_of_unseen(average, rows):
         batch = prepared(rows, jax.random.key(0), False)
         return losses["layout"](average, batch, jax.random.key(1))[0]
 
-    def weights() -> tuple[Any, ...]:
-        return (*(fixed[n] for n in FROZEN), runs["layout"].average)
+    def finder() -> Any:
+        return runs["layout"].average if "layout" in runs else fixed["layout"]
+
+    def frozen(name: str) -> list[Any]:
+        """What a network's loss takes besides: the frozen networks and the layout network."""
+        return [(*(fixed[n] for n in FROZEN), finder())] if name == "structure_flow" else []
 
     def save() -> None:
         for name, run in runs.items():
@@ -165,7 +193,7 @@ def train(given: argparse.Namespace) -> None:
 
         def ahead(step: int) -> Future[Any]:
             """The rows of a step, drawn and sent while steps before it compute."""
-            masks = step % every["mask"] == 0
+            masks = any(u.due(step) for u in updates if u.network == "mask")
 
             def draw() -> Any:
                 rows = jax.device_put(objects.batch(rng, given.batch))
@@ -177,23 +205,18 @@ def train(given: argparse.Namespace) -> None:
         key = jax.random.key(0)
         rows, seen = ahead(0).result()
         batch = prepare(rows, key, True)
-        programs = {
-            name: threads.submit(
-                compiled, updates[name], runs[name], shown, *([weights()] * (name in READS_LAYOUTS))
-            )
-            for name, shown in (
-                ("layout", batch),
-                ("structure_flow", batch),
-                ("mask", prepare_scenes(seen, key)),
-            )
-        }
+        programs = []
+        for name, step, _ in updates:
+            shown = prepare_scenes(seen, key) if name == "mask" else batch
+            programs.append(threads.submit(compiled, step, runs[name], shown, *frozen(name)))
         judged = {
             k: jax.ShapeDtypeStruct((JUDGED_ROWS, *v.shape[1:]), v.dtype) for k, v in rows.items()
         }
-        judge = threads.submit(
-            lambda: jax.jit(loss_of_unseen).lower(runs["layout"].average, judged).compile()
-        )
-        programs["layout"].result()
+        judge = None
+        if "layout" in runs:
+            judging = jax.jit(loss_of_unseen).lower(finder(), judged)
+            judge = threads.submit(judging.compile)
+        programs[0].result()
         objects.wait_for(given.begin_with)
         print(f"{pool.total} objects; step 1", flush=True)
         began = saved = said = time.time()
@@ -209,24 +232,23 @@ def train(given: argparse.Namespace) -> None:
             rows, seen = following.result()
             following = ahead(step + 1)
             batch = prepare(rows, keys[0], True)
-            for name, program in programs.items():
-                if step % every[name] or not program.done():
+            for (name, _, due), program in zip(updates, programs, strict=True):
+                if not (due(step) and program.done()):
                     continue
                 shown = prepare_scenes(seen, keys[0]) if name == "mask" else batch
-                frozen = [weights()] * (name in READS_LAYOUTS)
-                key = keys[1 + list(runs).index(name)]
-                runs[name], found = program.result()(runs[name], shown, key, factor, *frozen)
+                key = keys[1 + NETWORKS.index(name)]
+                runs[name], found = program.result()(runs[name], shown, key, factor, *frozen(name))
                 counts[name] += 1
                 for term, value in found.items():
                     log.setdefault(f"{name[0]}_{term}", []).append(value)
             if step % 4 == 3:  # not many steps ahead of the device
-                jax.block_until_ready(runs["layout"].params)
+                jax.block_until_ready(runs[updates[0].network].params)
             if step < 3 or now - said > SAID:
                 objects.check()
                 means = {k: round(float(np.mean(jax.device_get(v))), 4) for k, v in log.items()}
-                held = objects.unseen() if judge.done() else []
-                unseen = [float(judge.result()(runs["layout"].average, rows)) for rows in held]
-                if unseen:
+                held = objects.unseen() if judge is None or judge.done() else []
+                if judge is not None and held:
+                    unseen = [float(judge.result()(finder(), rows)) for rows in held]
                     means[f"unseen ({len(unseen) * JUDGED_ROWS})"] = round(
                         float(np.mean(unseen)), 4
                     )
@@ -239,6 +261,19 @@ def train(given: argparse.Namespace) -> None:
         save()
         following.result()
     print(f"done: steps {counts} of {given.batch}, {pool.total} objects", flush=True)
+
+
+def due_steps(network: str, given: argparse.Namespace) -> dict[str, Callable[[int], bool]]:
+    """When each loss of a network is taken, by the loss's name."""
+    flow, refined = given.flow_every, given.flow_every * given.refine_every
+    if network == "layout":
+        return {"layout": lambda step: True}
+    if network == "mask":
+        return {"mask": lambda step: step % given.mask_every == 0}
+    steps = {"structure_flow": lambda step: step % refined == 0}
+    if given.refine_every > 1:
+        steps["unrefined"] = lambda step: step % flow == 0 and step % refined != 0
+    return steps
 
 
 def read_deadline(file: str, before: float) -> float:

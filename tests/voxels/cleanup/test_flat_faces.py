@@ -15,7 +15,8 @@ from scipy import ndimage
 
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.voxels.cleanup import flat_faces
-from uniart_jax.voxels.cleanup.flat_faces import heights, with_flat_faces
+from uniart_jax.voxels.cleanup.column_maps import heights
+from uniart_jax.voxels.cleanup.flat_faces import with_flat_faces
 from uniart_jax.voxels.isosurface import part_mesh
 
 LOWER, UPPER = (20.3, 8.2, 8.2), (30.3, 56.4, 56.4)
@@ -98,12 +99,41 @@ def test_round_things_stay_round():
     box = box_of((centre - 4.2, *[centre - radius] * 2), (centre + 4.2, *[centre + radius] * 2))
     flat = with_flat_faces(field, box[None])
     changed = (flat.sdf < 0) != (field.sdf < 0)
-    assert changed.sum() < 0.03 * (field.sdf < 0).sum() and np.abs(disc[changed]).max() < 1.5
+    assert (
+        changed.sum() < 0.03 * (field.sdf < 0).sum() and np.abs(disc[changed]).max(initial=0) < 1.5
+    )
     ball = field_of(np.linalg.norm(AT - centre, axis=0) - 12)
     box = box_of([centre - 12] * 3, [centre + 12] * 3)
     round_still = with_flat_faces(ball, box[None])
     changed = ((round_still.sdf < 0) != (ball.sdf < 0)).sum() / (ball.sdf < 0).sum()
     assert changed < 0.01
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_cylinder_gets_no_flat_sides(axis):
+    """Its side is nearly as deep everywhere about the line that is nearest."""
+    centre, radius = 32.3, 21.0
+    across = [k for k in range(3) if k != axis]
+    side = np.hypot(*(AT[k] - centre for k in across)) - radius
+    field = field_of(np.maximum(side, np.abs(AT[axis] - centre) - 24.2))
+    ends = np.full(3, radius)
+    ends[axis] = 24.2
+    flat = with_flat_faces(field, box_of(centre - ends, centre + ends)[None])
+    changed = (flat.sdf < 0) != (field.sdf < 0)
+    assert changed.sum() < 0.005 * (field.sdf < 0).sum()
+
+
+def test_a_ball_on_a_block_stays_round_and_the_block_becomes_flat():
+    """One part: the side of the ball that is nearest ends where the block's wavy side does."""
+    ball = np.linalg.norm(AT - np.array([20.3, 32.3, 44.3])[:, None, None, None], axis=0) - 12
+    rippled = block((8.3 + 1.2 * np.sin(AT[2] * 0.9), 12.3, 8.3), (52.3, 52.3, 32.3))
+    field = field_of(np.minimum(ball, rippled))
+    flat = with_flat_faces(field, box_of((8.3, 12.3, 8.3), (52.3, 52.3, 56.3))[None])
+    upper = AT[2] > 36
+    changed = ((flat.sdf < 0) != (field.sdf < 0)) & upper
+    assert changed.sum() < 0.01 * ((field.sdf < 0) & upper).sum()
+    front = heights(flat.sdf, flat.sdf < 0)[1][16:48, 12:28]
+    assert np.ptp(front) < 1e-3
 
 
 def test_no_part_takes_from_another(door):

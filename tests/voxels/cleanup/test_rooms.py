@@ -74,6 +74,41 @@ def test_a_round_room_stays():
     assert wrong(cleaned(field), field) == 0
 
 
+LID = ((8.3, 8.3, 53.3), (56.3, 56.3, 56.3))  # on top
+LIFTS = Joint(place_of((8.3, 30, 56.3)), (0.0, 1, 0), angle=(-1.5, 0.0))
+
+
+@pytest.mark.parametrize("widens", [0.0, 0.25])
+def test_a_round_vessel_under_a_lid_stays_round(widens):
+    """Also one that is wider above, and of which a square lid covers a part alone."""
+    radius = np.hypot(AT[0] - 32.3, AT[1] - 32.3) - 23 + widens * (53.3 - AT[2])
+    wall = np.maximum(radius, block((0, 0, 8.3), (64, 64, 52.3)))
+    vessel = np.maximum(wall, -np.maximum(radius + 3, 12.3 - AT[2]))
+    for low in (8.3, 32.3):
+        lid = ((low, *LID[0][1:]), LID[1])
+        field = field_of(vessel, block(*lid))
+        boxes = np.stack([box_of((9.3, 9.3, 8.3), (55.3, 55.3, 52.3)), box_of(*lid)])
+        after = with_clean_rooms(field, boxes, [FIXED, LIFTS], [-1, 0])
+        assert wrong(after, field, ((8, 8, 8), (57, 57, 57))) < 0.02 * solid_of(field, 0).sum()
+
+
+def test_a_bail_shuts_no_room():
+    bars = np.maximum(block(*DOOR), -block((0, 11.3, 11.3), (64, 53.3, 53.3)))
+    crumbs = noise(1, 0.0005) & (block(*ROOM) < 0)
+    body = np.where(crumbs, -1.0, np.maximum(block(*CASE), -block(*ROOM)))
+    field = field_of(body, bars)
+    assert wrong(cleaned(field), field) == 0
+
+
+def test_between_two_bars_is_no_room():
+    bars = np.minimum(
+        block((14.3, 4.3, 8.3), (56.3, 7.3, 56.3)), block((14.3, 57.3, 8.3), (56.3, 60.3, 56.3))
+    )
+    crumbs = block((30.3, 28.3, 28.3), (36.3, 34.3, 34.3))
+    field = field_of(np.minimum(bars, crumbs), block(*DOOR))
+    assert wrong(cleaned(field), field) == 0
+
+
 def test_what_is_full_stays_full():
     field = field_of(block(*CASE), block(*DOOR))
     assert wrong(cleaned(field), field) == 0

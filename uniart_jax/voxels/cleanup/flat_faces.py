@@ -12,7 +12,8 @@ What turns about a hinge and is most of a plate becomes all of it (``align_open_
 open or closed. Of a moving part's other faces, those that are most of a rectangle become all of it.
 
 What stands out from a plane by more than ``STANDS`` is a handle or a knob and stays. Round things
-keep their shape: their columns end at many depths, and few reach a face of the box. Slots and slats
+keep their shape: their columns end at many depths, few reach a face of the box, and pieces that
+bulge are left out (``column_maps``). Slots and slats
 narrower than ``2 GAP`` sub-cells are closed, gaps at a face of the box up to ``2 TOOTH``: what
 networks draw has holes of that size.
 """
@@ -27,6 +28,7 @@ import numpy as np
 from scipy import ndimage
 
 from uniart_jax.objects.kinematics import Joint
+from uniart_jax.voxels.cleanup import column_maps as maps
 from uniart_jax.voxels.cleanup.align_open_parts import Turn, panel, resampled, turn_of
 from uniart_jax.voxels.cleanup.fronts import door_of, without_overlap
 from uniart_jax.voxels.isosurface import ZERO, DenseField
@@ -46,14 +48,15 @@ PLANE_COLUMNS = 48  # so many, that make a plane
 RIPPLE = 13  # side of the neighbourhood whose median says what plane a column belongs to
 PLANES = 4  # at most, of each side
 TOOTH = 5  # gaps between teeth of twice this width are closed
-GAP = 2  # gaps in a plane of twice this width are closed
-HOLE = 100  # columns; an enclosed hole in a plane of no more is closed
 DENT = 10  # a gap that is no deeper is filled to its ground
 THICKNESS = 2  # of what closes deeper ones
 NOBODYS = -2  # cells that no part may take
 MOST = 0.6  # share of a moving part's face that a plane covers, where it is to cover it all
 NARROW = 10  # a narrower face is an edge, as wide as its ripples say
 CORNER = 0.1  # of a face's sides: round faces do not reach so far into its corners
+CORNERS, REACHED = 3, 0.3  # so many of a plate's corners are covered so far at least
+DRAWN = 0.4  # share of an opened plate that is drawn at least, with one corner
+EVEN, MOSTLY_EVEN = 3, 0.75  # sub-cells from a face of it, within which so much of it lies
 APART = 1  # cells that stay between what is completed and other parts
 PANEL = 40  # cells around what is drawn of a panel, in which it is completed
 LENT = 0.4  # share of a plate that is drawn as the body's at most
@@ -161,7 +164,7 @@ def _turned(views: Views, part: int, turn: Turn, body: Sequence[int]) -> bool:
     colored = np.where(mine, source, -1)[window]
     low = np.array([s.start for s in window])
     phi, colored, low = resampled(phi, colored, low, turn.straight, PANEL)
-    plate = turn.opened or _is_most_of_a_plate(phi < 0, low, turn)
+    plate = _is_most_of_a_plate(phi < 0, low, turn)
     if not plate and turn.still:
         return False
     drawn = phi
@@ -218,12 +221,21 @@ def _usual(solid: np.ndarray, axis: int) -> tuple[float, float]:
 
 
 def _is_most_of_a_plate(solid: np.ndarray, low: np.ndarray, turn: Turn) -> bool:
-    """Whether cells [A, B, C], from place ``low`` on, are most of what box and hinge say."""
+    """Whether cells [A, B, C], from place ``low`` on, are most of what box and hinge say, reach
+    into its corners and lie in one plane, which a bail, a frame of bars, a hood or a round lid do
+    not. Of a plate that is shown opened less is drawn."""
     first, last = turn.box(np.zeros(3), np.array(solid.shape, np.float64))
     across = 3 - turn.axis - turn.along
     shown = np.moveaxis(solid, across, 0)
     _, face = _face(across, 1, first - low, last - low, shown.shape)
-    return bool(face.any()) and _is_most(shown.any(0) & face, face)
+    if not face.any():
+        return False
+    columns = shown.any(0) & face
+    most, corners = (DRAWN, 1) if turn.opened else (MOST, CORNERS)
+    if columns.sum() < most * face.sum() or (_corners(columns, face) > REACHED).sum() < corners:
+        return False
+    faces = shown.argmax(0)[columns], shown[::-1].argmax(0)[columns]  # on one there may be bins
+    return max((np.abs(at - np.median(at)) <= EVEN).mean() for at in faces) >= MOSTLY_EVEN
 
 
 def _seen(views: Views, axis: int, side: int) -> Views:
@@ -235,16 +247,6 @@ def _solid(views: Views, part: int) -> np.ndarray:
     return (views[0] < 0) & (views[1] == part)
 
 
-def heights(sdf: np.ndarray, solid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where columns along the first axis of ``sdf`` [D, U, V] enter ``solid``: first cell [U, V], D
-    where there is none, and the place between cells where the distance is zero [U, V]."""
-    first = np.where(solid.any(0), solid.argmax(0), len(solid))
-    inside = np.take_along_axis(sdf, np.minimum(first, len(sdf) - 1)[None], 0)[0]
-    outside = np.take_along_axis(sdf, np.clip(first - 1, 0, None)[None], 0)[0]
-    step = np.where((outside > 0) & (inside < 0), inside / np.minimum(inside - outside, -1e-6), 0.5)
-    return first, first - np.clip(step, 0, 1)
-
-
 def _straighten(views: Views, part: int, face: float, sides: np.ndarray) -> None:
     """In place: where the part comes near the box's face along most of it, its columns end at one
     depth, the median's.
@@ -253,7 +255,7 @@ def _straighten(views: Views, part: int, face: float, sides: np.ndarray) -> None
       face: of the box, along the first axis. sides: [2] of the face, sub-cells.
     """
     sdf = views[0]
-    first, height = heights(sdf, _solid(views, part))
+    first, height = maps.heights(sdf, _solid(views, part))
     there = (first > 0) & (first < len(sdf))
     depth = len(sdf) - 2 * face  # about the part's size along this axis
     reach = min(REACH, REACH_SHARE * depth)
@@ -263,10 +265,14 @@ def _straighten(views: Views, part: int, face: float, sides: np.ndarray) -> None
     spans = [int(np.ptp(np.flatnonzero(near.any(k)))) + 1 for k in (1, 0)]
     if spans[int(sides.argmax())] < COVERED * sides.max():
         return
+    there &= ~maps.with_what_goes_on(maps.round_pieces(near, height, EDGE), there, height, FLAT)
+    near &= there
+    if not near.any():
+        return
     plane = float(np.median(height[near]))
     near = there & (height <= plane + reach)
     # teeth between columns that come near enough are no detail
-    near |= _closed(near, TOOTH) & there & (height <= plane + 3 * reach)
+    near |= maps.closed(near, TOOTH) & there & (height <= plane + 3 * reach)
     if min(spans) > EDGE:
         near &= height >= plane - STANDS
     _end_at(views, part, near, plane)
@@ -287,7 +293,7 @@ def _flatten(views: Views, part: int, face: tuple[float, np.ndarray] | None = No
 
     ``face`` (``_face``): where a plane at it covers most of it, and is not round, it covers all.
     """
-    first, height = heights(views[0], _solid(views, part))
+    first, height = maps.heights(views[0], _solid(views, part))
     left = (first > 0) & (first < len(views[0]))
     sides = [min(RIPPLE, side // 4 | 1) for side in height.shape]  # less of what is small
     around = ndimage.median_filter(height, sides, mode="nearest")
@@ -302,9 +308,14 @@ def _flatten(views: Views, part: int, face: tuple[float, np.ndarray] | None = No
         near = left & (np.abs(around - middle) <= FLAT)
         if near.sum() < least or many.max() < SHARP * near.sum():
             return
+        curved = maps.with_what_goes_on(maps.round_pieces(near, around, EDGE), left, around, FLAT)
+        left &= ~curved
+        near &= ~curved
+        if near.sum() < least:
+            continue
         plane = float(np.median(height[near]))
         on = near & (height >= plane - STANDS) & (height <= plane + 2 * FLAT)
-        whole = _closed(on) | _without_small_holes(on)
+        whole = maps.closed(on) | maps.without_small_holes(on)
         if face is not None and abs(plane - face[0]) <= REACH:
             close = np.abs(height - plane) <= FLAT  # not their medians, which trim corners
             if _is_most(close & face[1], face[1]):
@@ -321,28 +332,16 @@ def _is_most(columns: np.ndarray, face: np.ndarray) -> bool:
     u, v = (np.flatnonzero(face.any(k)) for k in (1, 0))
     if min(len(u), len(v)) < NARROW or columns.sum() < MOST * face.sum():
         return False
+    return bool((_corners(columns, face) > 0.5).any())
+
+
+def _corners(columns: np.ndarray, face: np.ndarray) -> np.ndarray:
+    """[4] share of each corner of a rectangle ``face`` [U, V] that columns [U, V] cover."""
+    u, v = (np.flatnonzero(face.any(k)) for k in (1, 0))
     inner = columns[np.ix_(u, v)]
     a, b = (max(1, round(CORNER * n)) for n in inner.shape)
-    return any(inner[rows, some].mean() > 0.5
-               for rows in (slice(None, a), slice(-a, None))
-               for some in (slice(None, b), slice(-b, None)))  # fmt: skip
-
-
-def _closed(columns: np.ndarray, gap: int = GAP) -> np.ndarray:
-    """[U, V] with gaps of twice ``gap`` closed."""
-    closed: Any = np.pad(columns, gap)
-    for turn in (ndimage.binary_dilation, ndimage.binary_erosion):  # by a square: an axis a time
-        closed = turn(turn(closed, np.ones((2 * gap + 1, 1))), np.ones((1, 2 * gap + 1)))
-    return closed[gap:-gap, gap:-gap]
-
-
-def _without_small_holes(columns: np.ndarray) -> np.ndarray:
-    """[U, V] with what is enclosed by them filled, up to ``HOLE`` columns."""
-    found: Any = ndimage.label(ndimage.binary_fill_holes(columns) & ~columns)
-    holes = found[0]
-    small = np.bincount(holes.ravel()) <= HOLE
-    small[0] = False
-    return columns | small[holes]
+    ends = ((slice(None, a), slice(-a, None)), (slice(None, b), slice(-b, None)))
+    return np.array([inner[rows, some].mean() for rows in ends[0] for some in ends[1]])
 
 
 def _end_at(views: Views, part: int, columns: np.ndarray, plane: float) -> None:

@@ -22,6 +22,7 @@ APART = 2.0  # between two doors that are closed
 RIM = 3  # layers around a closed door that are looked at
 MOST = 0.5  # share of a layer's cells that are the body's, where it is all frame
 COVERED = 0.5  # share of a drawer's front in which it is drawn at least
+SHUT = 0.4  # share of a door's rectangle that it covers at least: a bail does not shut anything
 FRONT = 0.4  # share of it that lies in one plane at least ...
 NEAR = 2  # ... within so much ...
 AHEAD = 0.4  # ... and no farther in than this share of its depth: a handle may be before it
@@ -143,7 +144,8 @@ def without_overlap(doors: Mapping[int, Door]) -> dict[int, Turn]:
 
 
 def closed_door(cells: np.ndarray, box: np.ndarray, joint: Joint, body: np.ndarray) -> Front | None:
-    """Where a door lies when it is closed; None for what is no door, or lies aslant.
+    """Where a door lies when it is closed; None for what is no door, lies aslant, or covers little
+    of its rectangle.
 
     Args:
       cells: [n, 3] of its solid. box: [6] of its row. body: [N, N, N] bool, what does not move.
@@ -156,7 +158,16 @@ def closed_door(cells: np.ndarray, box: np.ndarray, joint: Joint, body: np.ndarr
     if door is None or opening is None or opening[0] == door.turn.axis:
         return None
     low, high = (np.clip(np.rint(end).astype(int), 1, size + 1) for end in (door.low, door.high))
-    return Front(*opening, low, high) if (high > low).all() else None
+    if not (high > low).all():
+        return None
+    motion = door.quarter @ door.turn.straight
+    places = np.rint(cells @ motion[:3, :3].T + motion[:3, 3]).astype(int)
+    across = np.delete(np.arange(3), opening[0])
+    within = ((places >= low) & (places < high))[:, across].all(1)
+    columns = np.unique(places[within][:, across], axis=0)
+    if len(columns) < SHUT * (high - low)[across].prod():
+        return None
+    return Front(*opening, low, high)
 
 
 def straighten_rim(field: DenseField, parts: Sequence[int], door: Front) -> None:

@@ -40,6 +40,7 @@ WALL = 0.35  # of the opening, that a wall at its side takes at most
 MOST = 0.5  # share of a side's lines that meet a wall, where there is one; of a shelf's cells
 SHELF = 0.35  # share of a layer that is solid, where there is a shelf, and of its lines
 THICKNESS = 2  # of walls where they have gaps
+BENT, AGREE = 3, 0.75  # from a wall's depth, within which so many of its lines meet it
 KEPT = 0.5  # share of a part's cells below which all is left as it was: racks are all gaps
 CORNER = 0.12  # of the sides: a round room does not reach so far into its corners
 # from its closed end, from which on a door (radians) or a drawer (object units) is not shown closed
@@ -156,7 +157,7 @@ def _clean(field: DenseField, parts: Sequence[int], opening: Front, ends: bool =
     mine = np.isin(whose, parts)
     solid, others = (shown < 0) & mine, (shown < 0) & ~mine
     room = _room(solid)
-    if room is None or not solid.any():
+    if room is None or not solid.any() or not _within(_outline(field, parts, opening), room):
         return
     if ends:
         room = room._replace(depth=min(room.depth, len(solid) - THICKNESS))
@@ -265,9 +266,11 @@ def _room(solid: np.ndarray) -> _Room | None:
     ends, walls = [], []
     for axis in (1, 2):
         lines = np.moveaxis(shown, axis, 0)
-        (first, met), (last, met_last) = _wall(lines), _wall(lines[::-1])
-        ends.append((first, len(lines) - last))
-        walls.append((met, met_last))
+        near, far = _wall(lines), _wall(lines[::-1])
+        if near is None or far is None:
+            return None
+        ends.append((near[0], len(lines) - far[0]))
+        walls.append((near[1], far[1]))
     inner = shown[:, slice(*ends[0]), slice(*ends[1])]
     if min(inner.shape) < LEAST or 1 - inner.mean() < FREE or _is_round(inner):
         return None
@@ -282,12 +285,40 @@ def _is_round(inner: np.ndarray) -> bool:
     return sum(corner.mean() < 0.5 for corner in corners) < 2
 
 
-def _wall(lines: np.ndarray) -> tuple[int, bool]:
+def _outline(field: DenseField, parts: Sequence[int], opening: Front) -> np.ndarray:
+    """[U, V] bool: which lines inwards from an opening's cells run within the outline of
+    ``parts``."""
+    low, high = np.zeros(3, int), np.array(field.sdf.shape)
+    low[opening.axis], high[opening.axis] = opening.low[opening.axis], opening.high[opening.axis]
+    whole = Front(opening.axis, opening.side, low, high)
+    solid = (whole.seen(field.sdf) < 0) & np.isin(whole.seen(field.owner), parts)
+    outline = np.asarray(ndimage.binary_fill_holes(solid.any(0)), bool)
+    ends = zip(
+        np.delete(opening.low, opening.axis), np.delete(opening.high, opening.axis), strict=True
+    )
+    return outline[tuple(slice(*end) for end in ends)]
+
+
+def _within(outline: np.ndarray, room: _Room) -> bool:
+    """Whether most of a room's corners lie within an outline [U, V]: what lies between two bars, or
+    beside a round vessel, is no room."""
+    inner = outline[tuple(slice(*ends) for ends in room.ends)]
+    a, b = (max(1, round(CORNER * n)) for n in inner.shape)
+    ends = ((slice(None, a), slice(-a, None)), (slice(None, b), slice(-b, None)))
+    return sum(inner[u, v].mean() > 0.5 for u in ends[0] for v in ends[1]) >= 3
+
+
+def _wall(lines: np.ndarray) -> tuple[int, bool] | None:
     """How far a wall reaches in that is met along the first axis of cells [N, ...], and whether
-    most lines meet one."""
+    most lines meet one; None where it is bent, as that of a round vessel."""
     count = len(lines)
     first = np.where(lines.any(0), lines.argmax(0), count)
     free = (np.arange(count).reshape(-1, *[1] * (lines.ndim - 1)) >= first) & ~lines
     last = np.where(free.any(0), free.argmax(0), count)
     met = (first <= WALL * count / 2) & (last <= WALL * count)
-    return (int(np.median(last[met])), True) if met.mean() >= MOST else (0, False)
+    if met.mean() < MOST:
+        return 0, False
+    depth = np.median(last[met])
+    if (np.abs(last[met] - depth) <= BENT).mean() < AGREE:
+        return None
+    return int(depth), True
