@@ -267,6 +267,7 @@ def test_evaluation_is_the_same_in_workers(trained, tmp_path):
             count=3,
             records=config.data.records,
             pictures=1,
+            families=("kettle",),
             processes=processes,
         )
     texts = [(tmp_path / name / "metrics.json").read_text() for name in ("1", "2")]
@@ -277,6 +278,7 @@ def test_evaluation_is_the_same_in_workers(trained, tmp_path):
     assert results["assets"]["yourdfpy"] == 1.0
     assert results["rows"]["representation"]["watertight"] == 1.0
     assert {row["objects"] for row in results["rows"].values()} == {3.0}
+    assert results["families"].keys() == {"kettle"}
 
 
 def test_retrieval_among_held_out_objects_is_refused(trained, tmp_path):

@@ -77,7 +77,7 @@ def evaluate(
         cache: layout ROOT: where the assets' pictures are kept for the next run (default
           OUT/objects).
         unseen: The families that are never trained on, instead of the trained ones.
-        families: layout: these families of procedural objects, in turn (docs/data.md).
+        families: layout, procedural: these families of objects, in turn (docs/data.md).
         backgrounds: layout: each object in front of a random background, cut out of it as a
           photograph is.
         processes: Worker processes beside the networks' own (default: one a core, at most 8).
@@ -122,6 +122,12 @@ def evaluate(
         )
         return
     _refuse(what, samples=samples, only=only, ref_front=ref_front)
+    if unseen:
+        _refuse(f"{what} --unseen", families=families)
+    if families:
+        from uniart_jax.procedural import check_families
+
+        check_families(families)
     if what != "baselines":
         _refuse(what, library=library)
     if library is None:
@@ -132,8 +138,6 @@ def evaluate(
             _refuse(what, allow_outside=allow_outside, cache=cache)
         else:
             _refuse(f"{what} ROOT", unseen=unseen, families=families)
-        if unseen:
-            _refuse(f"{what} --unseen", families=families)
         from uniart_jax.evaluation.layout import evaluate_layout
 
         evaluate_layout(
@@ -142,7 +146,9 @@ def evaluate(
             backgrounds=backgrounds,
         )  # fmt: skip
         return
-    _refuse(what, pred=pred, cache=cache, backgrounds=backgrounds, families=families)
+    _refuse(what, pred=pred, cache=cache, backgrounds=backgrounds)
+    if what != "procedural":
+        _refuse(what, families=families)
     if what == "baselines":
         _refuse(what, pictures=pictures, engines=engines)
         if library is None:
@@ -216,6 +222,7 @@ def evaluate(
             count=count or 128,
             records=records,
             pictures=16 if pictures is None else pictures,
+            families=families,
             **share,
         )
 

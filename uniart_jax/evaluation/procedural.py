@@ -121,11 +121,14 @@ def held_out(
     return HeldOut(family, seed, obj, grid, np.round(picture * 255).astype(np.uint8), sight)
 
 
-def held_out_for(model: ModelConfig, index: int, unseen: bool = False) -> HeldOut:
+def held_out_for(
+    model: ModelConfig, index: int, unseen: bool = False, families: Sequence[str] = ()
+) -> HeldOut:
     """``held_out`` with the voxels and the image that a model reads."""
     return held_out(
         index,
         unseen=unseen,
+        families=families,
         resolution=model.grid.resolution,
         subdivisions=model.grid.subdivisions,
         image_size=max(PICTURE_SIDE, model.image_encoder.image_size),
@@ -188,10 +191,12 @@ def evaluate_checkpoint(
     records: Path | None = None,
     pictures: int = 16,
     unseen: bool = False,
+    families: Sequence[str] = (),
     processes: int = 1,
 ) -> dict[str, Any]:
     """All rows for a checkpoint; ``records`` (what it was trained on) adds retrieval. Writes
-    ``metrics.json``, ``table.md``, pictures.
+    ``metrics.json``, ``table.md``, pictures. ``families``: of the held-out objects, in turn, in
+    place of a split's.
 
     Networks and retrieval run in this process; ``processes`` others draw, assemble and compare the
     objects (1 = this one does).
@@ -211,7 +216,7 @@ def evaluate_checkpoint(
         name = f"{index:03d}-{test.family}"
         return [functools.partial(finish, test, grids, others, folder, name, layout)]
 
-    draw = functools.partial(held_out_for, model, unseen=unseen)
+    draw = functools.partial(held_out_for, model, unseen=unseen, families=families)
     made = run_staged(draw, at_stages, range(count), "held-out objects", processes=processes)
     results = [one for (one,) in made]
     loads = [load for _, load in results if load]

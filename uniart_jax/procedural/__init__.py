@@ -24,6 +24,7 @@ import dataclasses
 import importlib
 import math
 import zlib
+from collections.abc import Iterable
 
 import numpy as np
 
@@ -117,6 +118,13 @@ BOX_SEPARATION = (
 _ATTEMPTS = 50
 
 
+def check_families(names: Iterable[str]) -> None:
+    """ValueError if a name is not of ``FAMILIES``."""
+    for name in names:
+        if name not in FAMILIES:
+            raise ValueError(f"procedural: no family '{name}'; there are {', '.join(FAMILIES)}")
+
+
 def generate(family: str, seed: int) -> ArticulatedObject:
     """One object of a family at its closed state, normalised.
 
@@ -127,8 +135,7 @@ def generate(family: str, seed: int) -> ArticulatedObject:
     Raises:
       ValueError: no such family, or a negative seed.
     """
-    if family not in FAMILIES:
-        raise ValueError(f"procedural: no family '{family}'; there are {', '.join(FAMILIES)}")
+    check_families([family])
     if seed < 0:
         raise ValueError(f"procedural: the seed must be 0 or more, got {seed}")
     folder = "procedural.everyday" if family in EVERYDAY_FAMILIES else "procedural"
