@@ -247,11 +247,13 @@ def test_an_update_is_compiled_for_batches_like_one(pool_tools):
 def test_the_refiner_learns_in_one_of_a_few_steps_of_the_flow(pool_tools):
     """Every step that is the structure flow's is of one loss."""
     tool = importlib.import_module("train_pool")
-    given = argparse.Namespace(flow_every=2, refine_every=3, mask_every=4)
+    given = argparse.Namespace(flow_every=2, refine_every=3, mask_every=4, refine_channels=8)
     steps = tool.due_steps("structure_flow", given)
     taken = {name: [s for s in range(13) if due(s)] for name, due in steps.items()}
     assert taken == {"structure_flow": [0, 6, 12], "unrefined": [2, 4, 8, 10]}
-    given.refine_every = 1
+    given.refine_channels = 0  # both would be the same
+    assert list(tool.due_steps("structure_flow", given)) == ["structure_flow"]
+    given.refine_every, given.refine_channels = 1, 8
     assert list(tool.due_steps("structure_flow", given)) == ["structure_flow"]
     assert [s for s in range(9) if tool.due_steps("mask", given)["mask"](s)] == [0, 4, 8]
     assert all(tool.due_steps("layout", given)["layout"](s) for s in range(9))

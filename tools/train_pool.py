@@ -25,7 +25,7 @@ at its end: the clock counts, not the steps, so a run that was stopped is not re
 OUT`` begins anew from its weights. ``--deadline FILE`` holds another end (seconds since the epoch)
 and may be changed on the way. OUT is a checkpoint: the other networks of ``--init``, and averaged
 weights every ``--save`` seconds. The layout network's loss on objects that it has not seen
-("unseen") is said on the way. ``--tiny`` is for a CPU.
+("unseen") is said on the way where it is trained. ``--tiny`` is for a CPU.
 """
 
 from __future__ import annotations
@@ -57,9 +57,10 @@ FROZEN = ("image_encoder", "structure_vae")
 
 
 class Update(NamedTuple):
-    """``make_update`` of a network, and whether it is taken at a step."""
+    """``make_update`` of a network with one of its losses, and whether it is taken at a step."""
 
     network: str
+    loss: str
     step: Any
     due: Callable[[int], bool]
 
@@ -101,6 +102,9 @@ def main() -> None:
     parser.add_argument("--save", type=float, default=150, help="seconds between two savings")
     parser.add_argument("--tiny", action="store_true", help="few objects, small batches")
     given = parser.parse_args()
+    for name in ("flow_every", "refine_every", "mask_every"):
+        if getattr(given, name) < 1:
+            parser.error(f"--{name.replace('_', '-')} must be at least 1")
     if given.tiny:
         given.processes, given.batch, given.begin_with, given.capacity = 1, 4, 8, 64
     try:
@@ -125,8 +129,11 @@ def train(given: argparse.Namespace) -> None:
     print(jax.devices(), jax.__version__, flush=True)
     init, replace = Checkpoint.find(given.init), dataclasses.replace
     base = init.config
-    layout = replace(base.model.layout, repeats=given.repeats)
-    flow = replace(base.model.structure_flow, refine_channels=given.refine_channels)
+    layout, flow = base.model.layout, base.model.structure_flow
+    if "layout" in given.networks:
+        layout = replace(layout, repeats=given.repeats)
+    if "structure_flow" in given.networks:
+        flow = replace(flow, refine_channels=given.refine_channels)
     shipped = replace(base, model=replace(base.model, layout=layout, structure_flow=flow))
     out = Path(given.out)
     shutil.copytree(init.folder, out, dirs_exist_ok=True)
@@ -143,7 +150,7 @@ def train(given: argparse.Namespace) -> None:
         "mask": init.load("mask"),
     }
     layout_loss, mask_loss = make_layout_loss(nets["layout"], config), make_mask_loss(nets["mask"])
-    unrefined = replace(shipped.model, structure_flow=replace(flow, refine_channels=0))
+    unrefined = replace(config.model, structure_flow=replace(flow, refine_channels=0))
     losses = {
         "layout": lambda params, batch, key: layout_loss(params, batch.layout, key),
         "mask": mask_loss,
@@ -166,7 +173,7 @@ def train(given: argparse.Namespace) -> None:
         runs[name] = Run(params, optimizer.init(params), jax.tree.map(jnp.copy, params))
         for loss, due in due_steps(name, given).items():
             step = make_update(losses[loss], optimizer, frozen_mask(params, stage.freeze))
-            updates.append(Update(name, step, due))
+            updates.append(Update(name, loss, step, due))
     prepare, prepare_scenes = jax.jit(prepared), jax.jit(prepared_scenes)
 
     def loss_of_unseen(average, rows):
@@ -206,7 +213,7 @@ def train(given: argparse.Namespace) -> None:
         rows, seen = ahead(0).result()
         batch = prepare(rows, key, True)
         programs = []
-        for name, step, _ in updates:
+        for name, _, step, _ in updates:
             shown = prepare_scenes(seen, key) if name == "mask" else batch
             programs.append(threads.submit(compiled, step, runs[name], shown, *frozen(name)))
         judged = {
@@ -232,7 +239,7 @@ def train(given: argparse.Namespace) -> None:
             rows, seen = following.result()
             following = ahead(step + 1)
             batch = prepare(rows, keys[0], True)
-            for (name, _, due), program in zip(updates, programs, strict=True):
+            for (name, loss, _, due), program in zip(updates, programs, strict=True):
                 if not (due(step) and program.done()):
                     continue
                 shown = prepare_scenes(seen, keys[0]) if name == "mask" else batch
@@ -240,7 +247,7 @@ def train(given: argparse.Namespace) -> None:
                 runs[name], found = program.result()(runs[name], shown, key, factor, *frozen(name))
                 counts[name] += 1
                 for term, value in found.items():
-                    log.setdefault(f"{name[0]}_{term}", []).append(value)
+                    log.setdefault(f"{loss[0]}_{term}", []).append(value)
             if step % 4 == 3:  # not many steps ahead of the device
                 jax.block_until_ready(runs[updates[0].network].params)
             if step < 3 or now - said > SAID:
@@ -271,7 +278,7 @@ def due_steps(network: str, given: argparse.Namespace) -> dict[str, Callable[[in
     if network == "mask":
         return {"mask": lambda step: step % given.mask_every == 0}
     steps = {"structure_flow": lambda step: step % refined == 0}
-    if given.refine_every > 1:
+    if given.refine_every > 1 and given.refine_channels:
         steps["unrefined"] = lambda step: step % flow == 0 and step % refined != 0
     return steps
 

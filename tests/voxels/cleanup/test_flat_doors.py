@@ -88,6 +88,25 @@ def test_half_a_door_is_completed_only_where_it_stands_open():
         assert surface_has_sources(flat)
 
 
+@pytest.mark.parametrize("less", [3, 4, 5])
+def test_an_opened_door_that_is_drawn_too_small_is_completed(less):
+    _, box, joint, even = opened(30)
+    small = tuple(np.add(CLOSED[0], (0, less, less))), tuple(np.add(CLOSED[1], (0, -less, -less)))
+    at = moved(np.linalg.inv(joint.motion(np.deg2rad(30))))
+    flat = with_flat_faces(field_of(block(*small, at)), box[None], [joint])
+    assert share_that_differs(flat, 0, even, 1.0) < 0.02
+
+
+def test_a_closed_lever_stays_a_rod():
+    rod = np.maximum(np.hypot(AT[0] - 42.3, AT[1] - 32.3) - 4.2, np.abs(AT[2] - 32.3) - 20)
+    field = field_of(rod)
+    box = box_of((38.1, 28.1, 12.3), (46.5, 36.5, 52.3))
+    joint = Joint(place_of((42.3, 28.1, 32.3)), (0, 0, 1), angle=(0.0, np.pi / 2))
+    flat = with_flat_faces(field, box[None], [joint])
+    changed = (solid_of(flat, 0) != solid_of(field, 0)).sum()
+    assert changed < 0.2 * solid_of(field, 0).sum()  # as a plate .3
+
+
 @pytest.mark.parametrize(("shape", "most"), [("bail", 0.1), ("round", 0.1), ("hood", 0.2)])
 def test_what_stands_open_and_is_no_plate_is_not_completed(shape, most):
     """A hood becomes even, as it lies straight; as a plate .7 of it would change."""

@@ -92,12 +92,27 @@ def test_a_round_vessel_under_a_lid_stays_round(widens):
         assert wrong(after, field, ((8, 8, 8), (57, 57, 57))) < 0.02 * solid_of(field, 0).sum()
 
 
-def test_a_bail_shuts_no_room():
-    bars = np.maximum(block(*DOOR), -block((0, 11.3, 11.3), (64, 53.3, 53.3)))
+@pytest.mark.parametrize(("first", "shuts"), [(12.3, True), (0, False)])
+def test_a_frame_around_a_pane_shuts_a_room_and_a_bail_does_not(first, shuts):
+    """A bail has three bars and is open where it hangs."""
+    bars = np.maximum(block(*DOOR), -block((0, first, 12.3), (64, 52.3, 52.3)))
     crumbs = noise(1, 0.0005) & (block(*ROOM) < 0)
     body = np.where(crumbs, -1.0, np.maximum(block(*CASE), -block(*ROOM)))
     field = field_of(body, bars)
-    assert wrong(cleaned(field), field) == 0
+    assert wrong(field, cabinet()) > 300
+    assert wrong(cleaned(field), cabinet() if shuts else field) == 0
+
+
+def test_a_lump_on_one_wall_goes_and_a_room_without_a_back_is_cleaned():
+    lump = block((16, 12, 20), (48, 16.5, 36)) < 0
+    crumbs = noise(1, 0.0005) & (block(*ROOM) < 0)
+    assert wrong(cleaned(cabinet(lump | crumbs)), cabinet()) < 0.15 * wrong(
+        cabinet(lump | crumbs), cabinet()
+    )
+    open_back = ROOM[0], (64.0, *ROOM[1][1:])
+    hole = block((30, 4, 28), (38, 13, 36)) < 0
+    ideal, rough = cabinet(room=open_back), cabinet(crumbs, hole, room=open_back)
+    assert wrong(cleaned(rough), ideal) < 0.3 * wrong(rough, ideal)
 
 
 def test_between_two_bars_is_no_room():

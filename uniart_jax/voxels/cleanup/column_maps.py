@@ -13,6 +13,7 @@ HOLE = 100  # columns; an enclosed hole of no more is closed
 ROUND = 14  # sub-cells, that a round face is wide at least, so that its edges do not count
 # the ends of a round face are so much deeper than its middle, of all its depths, and in sub-cells
 BULGE, LEAST_BULGE = 0.25, 0.4
+PARTLY = (0.2, 0.8)  # of that much, that it is deeper between middle and ends
 
 
 def heights(sdf: np.ndarray, solid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -42,6 +43,13 @@ def without_small_holes(columns: np.ndarray) -> np.ndarray:
     return columns | small[holes]
 
 
+def corners(columns: np.ndarray, share: float) -> np.ndarray:
+    """[4] means of the corners of a map [U, V], each ``share`` of it wide and high."""
+    a, b = (max(1, round(share * n)) for n in columns.shape)
+    ends = ((slice(None, a), slice(-a, None)), (slice(None, b), slice(-b, None)))
+    return np.array([columns[u, v].mean() for u in ends[0] for v in ends[1]])
+
+
 def round_pieces(columns: np.ndarray, height: np.ndarray, edge: int) -> np.ndarray:
     """[U, V] bool: the connected pieces of columns that are deeper at both ends of a direction than
     in its middle, as those of a cylinder are; those of a flat face with ripples, or of a tilted
@@ -63,11 +71,16 @@ def round_pieces(columns: np.ndarray, height: np.ndarray, edge: int) -> np.ndarr
             if side < ROUND:
                 continue
             at = along / (side - 1)
-            ends, middle = (depth[at <= 0.25], depth[at >= 0.75]), depth[np.abs(at - 0.5) <= 0.25]
-            if not len(middle):
+            off = np.abs(at - 0.5)
+            between, middle = depth[(off > 0.25) & (off < 0.375)], depth[off <= 0.25]
+            if not (len(between) and len(middle)):
                 continue
+            ends = depth[at <= 0.25], depth[at >= 0.75]
             bulge = min(map(np.median, ends)) - np.median(middle)
-            if bulge > max(BULGE * spread, LEAST_BULGE):
+            if bulge <= max(BULGE * spread, LEAST_BULGE):
+                continue
+            # what is round is deeper step by step; ripples and raised panels are not
+            if PARTLY[0] < (np.median(between) - np.median(middle)) / bulge < PARTLY[1]:
                 found[place] |= mine
     return found
 

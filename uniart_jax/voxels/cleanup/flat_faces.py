@@ -56,7 +56,7 @@ NARROW = 10  # a narrower face is an edge, as wide as its ripples say
 CORNER = 0.1  # of a face's sides: round faces do not reach so far into its corners
 CORNERS, REACHED = 3, 0.3  # so many of a plate's corners are covered so far at least
 DRAWN = 0.4  # share of an opened plate that is drawn at least, with one corner
-EVEN, MOSTLY_EVEN = 3, 0.75  # sub-cells from a face of it, within which so much of it lies
+EVEN, MOSTLY_EVEN = 3, 0.75  # from the plane of its front or its back, within which so much lies
 APART = 1  # cells that stay between what is completed and other parts
 PANEL = 40  # cells around what is drawn of a panel, in which it is completed
 LENT = 0.4  # share of a plate that is drawn as the body's at most
@@ -221,9 +221,9 @@ def _usual(solid: np.ndarray, axis: int) -> tuple[float, float]:
 
 
 def _is_most_of_a_plate(solid: np.ndarray, low: np.ndarray, turn: Turn) -> bool:
-    """Whether cells [A, B, C], from place ``low`` on, are most of what box and hinge say, reach
-    into its corners and lie in one plane, which a bail, a frame of bars, a hood or a round lid do
-    not. Of a plate that is shown opened less is drawn."""
+    """Whether cells [A, B, C], from place ``low`` on, are most of what box and hinge say, have
+    corners and lie in one plane, which a bail, a frame of bars, a hood or a round lid do not. Of a
+    plate that is shown opened less is drawn, and the corners are its own."""
     first, last = turn.box(np.zeros(3), np.array(solid.shape, np.float64))
     across = 3 - turn.axis - turn.along
     shown = np.moveaxis(solid, across, 0)
@@ -232,7 +232,12 @@ def _is_most_of_a_plate(solid: np.ndarray, low: np.ndarray, turn: Turn) -> bool:
         return False
     columns = shown.any(0) & face
     most, corners = (DRAWN, 1) if turn.opened else (MOST, CORNERS)
-    if columns.sum() < most * face.sum() or (_corners(columns, face) > REACHED).sum() < corners:
+    if columns.sum() < most * face.sum():
+        return False
+    inner = _cut(columns, columns if turn.opened else face)
+    if not turn.opened and min(inner.shape) < NARROW:
+        return False
+    if (maps.corners(inner, CORNER) > REACHED).sum() < corners:
         return False
     faces = shown.argmax(0)[columns], shown[::-1].argmax(0)[columns]  # on one there may be bins
     return max((np.abs(at - np.median(at)) <= EVEN).mean() for at in faces) >= MOSTLY_EVEN
@@ -260,14 +265,12 @@ def _straighten(views: Views, part: int, face: float, sides: np.ndarray) -> None
     depth = len(sdf) - 2 * face  # about the part's size along this axis
     reach = min(REACH, REACH_SHARE * depth)
     near = there & (height <= face + reach)
+    there &= ~maps.with_what_goes_on(maps.round_pieces(near, height, EDGE), there, height, FLAT)
+    near &= there
     if not near.any():
         return
     spans = [int(np.ptp(np.flatnonzero(near.any(k)))) + 1 for k in (1, 0)]
     if spans[int(sides.argmax())] < COVERED * sides.max():
-        return
-    there &= ~maps.with_what_goes_on(maps.round_pieces(near, height, EDGE), there, height, FLAT)
-    near &= there
-    if not near.any():
         return
     plane = float(np.median(height[near]))
     near = there & (height <= plane + reach)
@@ -312,6 +315,7 @@ def _flatten(views: Views, part: int, face: tuple[float, np.ndarray] | None = No
         left &= ~curved
         near &= ~curved
         if near.sum() < least:
+            left &= ~near
             continue
         plane = float(np.median(height[near]))
         on = near & (height >= plane - STANDS) & (height <= plane + 2 * FLAT)
@@ -329,19 +333,15 @@ def _flatten(views: Views, part: int, face: tuple[float, np.ndarray] | None = No
 
 def _is_most(columns: np.ndarray, face: np.ndarray) -> bool:
     """Whether columns [U, V] are most of a rectangle ``face`` [U, V], and reach into a corner."""
-    u, v = (np.flatnonzero(face.any(k)) for k in (1, 0))
-    if min(len(u), len(v)) < NARROW or columns.sum() < MOST * face.sum():
+    inner = _cut(columns, face)
+    if min(inner.shape) < NARROW or columns.sum() < MOST * face.sum():
         return False
-    return bool((_corners(columns, face) > 0.5).any())
+    return bool((maps.corners(inner, CORNER) > 0.5).any())
 
 
-def _corners(columns: np.ndarray, face: np.ndarray) -> np.ndarray:
-    """[4] share of each corner of a rectangle ``face`` [U, V] that columns [U, V] cover."""
-    u, v = (np.flatnonzero(face.any(k)) for k in (1, 0))
-    inner = columns[np.ix_(u, v)]
-    a, b = (max(1, round(CORNER * n)) for n in inner.shape)
-    ends = ((slice(None, a), slice(-a, None)), (slice(None, b), slice(-b, None)))
-    return np.array([inner[rows, some].mean() for rows in ends[0] for some in ends[1]])
+def _cut(columns: np.ndarray, face: np.ndarray) -> np.ndarray:
+    """Columns [U, V] within the rows and lines in which ``face`` [U, V] has any."""
+    return columns[np.ix_(*(np.flatnonzero(face.any(k)) for k in (1, 0)))]
 
 
 def _end_at(views: Views, part: int, columns: np.ndarray, plane: float) -> None:

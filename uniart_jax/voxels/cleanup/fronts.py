@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import ndimage
@@ -22,7 +22,7 @@ APART = 2.0  # between two doors that are closed
 RIM = 3  # layers around a closed door that are looked at
 MOST = 0.5  # share of a layer's cells that are the body's, where it is all frame
 COVERED = 0.5  # share of a drawer's front in which it is drawn at least
-SHUT = 0.4  # share of a door's rectangle that it covers at least: a bail does not shut anything
+SHUT = 0.4  # share of a door's rectangle that it covers or encloses at least, unlike a bail
 FRONT = 0.4  # share of it that lies in one plane at least ...
 NEAR = 2  # ... within so much ...
 AHEAD = 0.4  # ... and no farther in than this share of its depth: a handle may be before it
@@ -163,11 +163,11 @@ def closed_door(cells: np.ndarray, box: np.ndarray, joint: Joint, body: np.ndarr
     motion = door.quarter @ door.turn.straight
     places = np.rint(cells @ motion[:3, :3].T + motion[:3, 3]).astype(int)
     across = np.delete(np.arange(3), opening[0])
-    within = ((places >= low) & (places < high))[:, across].all(1)
-    columns = np.unique(places[within][:, across], axis=0)
-    if len(columns) < SHUT * (high - low)[across].prod():
-        return None
-    return Front(*opening, low, high)
+    places = places[((places >= low) & (places <= high))[:, across].all(1)][:, across]
+    columns = np.zeros((high - low)[across] + 1, bool)
+    columns[tuple((places - low[across]).T)] = True
+    covered: Any = ndimage.binary_fill_holes(columns)  # a pane may not be drawn
+    return Front(*opening, low, high) if covered.mean() >= SHUT else None
 
 
 def straighten_rim(field: DenseField, parts: Sequence[int], door: Front) -> None:

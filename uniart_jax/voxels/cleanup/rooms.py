@@ -17,6 +17,7 @@ import numpy as np
 from scipy import ndimage
 
 from uniart_jax.objects.kinematics import Joint
+from uniart_jax.voxels.cleanup.column_maps import corners
 from uniart_jax.voxels.cleanup.frames import with_flat_frames
 from uniart_jax.voxels.cleanup.fronts import (
     Front,
@@ -40,7 +41,8 @@ WALL = 0.35  # of the opening, that a wall at its side takes at most
 MOST = 0.5  # share of a side's lines that meet a wall, where there is one; of a shelf's cells
 SHELF = 0.35  # share of a layer that is solid, where there is a shelf, and of its lines
 THICKNESS = 2  # of walls where they have gaps
-BENT, AGREE = 3, 0.75  # from a wall's depth, within which so many of its lines meet it
+BENT = 3.0  # that a straight wall's ends reach in farther than its middle at most
+ENCLOSED = 3  # walls, from which on what they enclose is a room
 KEPT = 0.5  # share of a part's cells below which all is left as it was: racks are all gaps
 CORNER = 0.12  # of the sides: a round room does not reach so far into its corners
 # from its closed end, from which on a door (radians) or a drawer (object units) is not shown closed
@@ -157,7 +159,10 @@ def _clean(field: DenseField, parts: Sequence[int], opening: Front, ends: bool =
     mine = np.isin(whose, parts)
     solid, others = (shown < 0) & mine, (shown < 0) & ~mine
     room = _room(solid)
-    if room is None or not solid.any() or not _within(_outline(field, parts, opening), room):
+    if room is None or not solid.any():
+        return
+    walls = sum(there for pair in room.walls for there in pair)
+    if walls < ENCLOSED and not _encloses(_outline(field, parts, opening), room):
         return
     if ends:
         room = room._replace(depth=min(room.depth, len(solid) - THICKNESS))
@@ -279,10 +284,7 @@ def _room(solid: np.ndarray) -> _Room | None:
 
 def _is_round(inner: np.ndarray) -> bool:
     """Whether cells [D, U, V] of a room leave less than two of its corners free."""
-    a, b = (max(1, round(CORNER * n)) for n in inner.shape[1:])
-    near, far = slice(None), (slice(None, a), slice(-a, None))
-    corners = [inner[near, u, v] for u in far for v in (slice(None, b), slice(-b, None))]
-    return sum(corner.mean() < 0.5 for corner in corners) < 2
+    return (corners(inner.mean(0), CORNER) < 0.5).sum() < 2
 
 
 def _outline(field: DenseField, parts: Sequence[int], opening: Front) -> np.ndarray:
@@ -299,18 +301,17 @@ def _outline(field: DenseField, parts: Sequence[int], opening: Front) -> np.ndar
     return outline[tuple(slice(*end) for end in ends)]
 
 
-def _within(outline: np.ndarray, room: _Room) -> bool:
-    """Whether most of a room's corners lie within an outline [U, V]: what lies between two bars, or
-    beside a round vessel, is no room."""
+def _encloses(outline: np.ndarray, room: _Room) -> bool:
+    """Whether most of a room's corners lie within an outline [U, V]: what lies beside a bar is no
+    room."""
     inner = outline[tuple(slice(*ends) for ends in room.ends)]
-    a, b = (max(1, round(CORNER * n)) for n in inner.shape)
-    ends = ((slice(None, a), slice(-a, None)), (slice(None, b), slice(-b, None)))
-    return sum(inner[u, v].mean() > 0.5 for u in ends[0] for v in ends[1]) >= 3
+    return (corners(inner, CORNER) > 0.5).sum() >= 3
 
 
 def _wall(lines: np.ndarray) -> tuple[int, bool] | None:
-    """How far a wall reaches in that is met along the first axis of cells [N, ...], and whether
-    most lines meet one; None where it is bent, as that of a round vessel."""
+    """How far a wall reaches in that is met along the first axis of cells [N, D, M], and whether
+    most lines meet one; None where it is bent, so that both ends of M reach in farther than the
+    middle, as in a round vessel."""
     count = len(lines)
     first = np.where(lines.any(0), lines.argmax(0), count)
     free = (np.arange(count).reshape(-1, *[1] * (lines.ndim - 1)) >= first) & ~lines
@@ -318,7 +319,13 @@ def _wall(lines: np.ndarray) -> tuple[int, bool] | None:
     met = (first <= WALL * count / 2) & (last <= WALL * count)
     if met.mean() < MOST:
         return 0, False
-    depth = np.median(last[met])
-    if (np.abs(last[met] - depth) <= BENT).mean() < AGREE:
-        return None
-    return int(depth), True
+    side = max(1, met.shape[1] // 4)
+    parts = [
+        last[:, part][met[:, part]]
+        for part in (slice(None, side), slice(side, -side), slice(-side, None))
+    ]
+    if all(map(len, parts)):
+        near, middle, far = map(np.median, parts)
+        if min(near, far) - middle > BENT:
+            return None
+    return int(np.median(last[met])), True
