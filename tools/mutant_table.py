@@ -366,6 +366,25 @@ MUTANTS = (
     Mutant(READ, "turn.direction < 0", "turn.direction > 0", f"{KNOBS}_a_knob_turns_clockwise"),
     Mutant(READ, "> OFF_AXIS * largest", "> 9", f"{KNOBS}_a_small_lid_opens_as_it_is_read"),
     Mutant(
+        "uniart_jax/voxels/cleanup/column_maps.py",
+        "PARTLY = (0.2, 0.8)",
+        "PARTLY = (-9.0, 9.0)",
+        "tests/voxels/cleanup/test_column_maps.py::test_raised_panels_are_not_round",
+    ),
+    Mutant(
+        "uniart_jax/voxels/cleanup/fronts.py",
+        "if covered.mean() >= SHUT else None",
+        "",
+        "tests/voxels/cleanup/test_rooms.py"
+        "::test_a_frame_around_a_pane_shuts_a_room_and_a_bail_does_not[0-False]",
+    ),
+    Mutant(
+        "uniart_jax/voxels/cleanup/rooms.py",
+        "min(near, far) - middle > BENT",
+        "False",
+        "tests/voxels/cleanup/test_rooms.py::test_a_round_vessel_under_a_lid_stays_round[0.0]",
+    ),
+    Mutant(
         "uniart_jax/voxels/cleanup/align_open_parts.py",
         "(at_rim > cells / 2)",
         "(at_rim < 0)",

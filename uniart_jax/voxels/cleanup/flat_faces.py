@@ -13,9 +13,8 @@ open or closed. Of a moving part's other faces, those that are most of a rectang
 
 What stands out from a plane by more than ``STANDS`` is a handle or a knob and stays. Round things
 keep their shape: their columns end at many depths, few reach a face of the box, and pieces that
-bulge are left out (``column_maps``). Slots and slats
-narrower than ``2 GAP`` sub-cells are closed, gaps at a face of the box up to ``2 TOOTH``: what
-networks draw has holes of that size.
+bulge are left out (``column_maps``). Slots and slats narrower than ``2 GAP`` sub-cells are closed,
+gaps at a face of the box up to ``2 TOOTH``: what networks draw has holes of that size.
 """
 
 from __future__ import annotations
@@ -76,9 +75,9 @@ def with_flat_faces(
 
     Args:
       boxes: [K, 6] centre and size of each part, object units. joints: [K]; what turns on one and
-        is shown turned is made flat as it lies straight (``align_open_parts``); that, and what is
-        most of a plate, is completed. carries: parts that others hang on. body: parts that do not
-        move; what of them lies within a closed door's plate is the door's.
+        is shown turned is made flat as it lies straight (``align_open_parts``); what is drawn as a
+        plate, open or closed, is completed. carries: parts that others hang on. body: parts that do
+        not move; what of them lies within a closed door's plate is the door's.
 
     Returns:
       A new field. No other cell that is solid in another part of ``field`` becomes a part's, but
