@@ -221,7 +221,7 @@ def _usual(solid: np.ndarray, axis: int) -> tuple[float, float]:
 
 def _is_most_of_a_plate(solid: np.ndarray, low: np.ndarray, turn: Turn) -> bool:
     """Whether cells [A, B, C], from place ``low`` on, are most of what box and hinge say, have
-    corners and lie in one plane, which a bail, a frame of bars, a hood or a round lid do not. Of a
+    corners and lie in one plane, which a bail, a frame of bars or a round lid do not. Of a
     plate that is shown opened less is drawn, and the corners are its own."""
     first, last = turn.box(np.zeros(3), np.array(solid.shape, np.float64))
     across = 3 - turn.axis - turn.along
