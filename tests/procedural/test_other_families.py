@@ -64,6 +64,19 @@ def test_worlds_are_of_each_tuple_evenly_and_so_are_their_families(world, tuples
         assert {counts[name] for name in names} == {len(WORLDS[world]) // len(tuples) // len(names)}
 
 
+def test_half_of_the_household_is_of_everyday_things_and_a_sixth_of_each_of_the_others():
+    world = WORLDS["household"]
+    counts = Counter(world)
+    for names, share in (
+        (EVERYDAY_FAMILIES, 3),
+        (SEEN_FAMILIES, 1),
+        (MORE_FAMILIES, 1),
+        (DETAILED_FAMILIES, 1),
+    ):
+        assert {6 * len(names) * counts[name] for name in names} == {share * len(world)}
+    assert sum(counts.values()) == len(world)
+
+
 def test_every_joint_type_and_trees_three_deep():
     found, deepest = set(), 0
     for seed in range(HELD_OUT_SEED, HELD_OUT_SEED + 60):

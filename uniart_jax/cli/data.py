@@ -28,7 +28,7 @@ def prepare(
     start_seed: int = 0,
     first_block: int = 0,
     families: tuple[str, ...] | None = None,
-    world: Literal["seven", "wide", "detailed", "everyday"] = "seven",
+    world: Literal["seven", "wide", "detailed", "everyday", "household"] = "seven",
     resolution: int = 32,
     subdivisions: int = 4,
     max_parts: int = 16,
@@ -71,7 +71,7 @@ def prepare(
         world: procedural, layouts: "seven": the paper's seven seen categories. "wide": half of the
           objects are of those, half of the other families that are trained on. "detailed": a third
           of each and of families as varied as real furniture. "everyday": a quarter of each of
-          these and of other things of a household (docs/data.md).
+          these and of other things of a household; "household": half of those (docs/data.md).
         resolution: Voxels a side.
         subdivisions: Sub-cells a voxel side.
         max_parts: Objects with more parts are left out.

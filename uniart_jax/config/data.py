@@ -25,7 +25,7 @@ class DataConfig:
     validation_split: str = ""
     procedural: int = 0  # objects to prepare in ``records`` where it is not there yet
     # families of those and of ``layouts``
-    world: Literal["seven", "wide", "detailed", "everyday"] = "seven"
+    world: Literal["seven", "wide", "detailed", "everyday", "household"] = "seven"
     views: int = 2  # images of each
     # flows: images of an item that a step shows at once (the supplement's multi-view model); the
     # records must have as many

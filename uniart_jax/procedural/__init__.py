@@ -15,7 +15,8 @@ leaves the objects of the other families as they are, since names seed the gener
 What a training draws from is a *world*, a tuple of families taken in turn or at random, of
 ``WORLDS``: "seven"; "wide", in which half of the objects are of the seven and half, evenly, of
 ``MORE_FAMILIES``; "detailed", in which a third is of each of these and of ``DETAILED_FAMILIES``;
-or "everyday", in which a quarter is of each of these three and of ``EVERYDAY_FAMILIES``.
+"everyday", in which a quarter is of each of these three and of ``EVERYDAY_FAMILIES``; or
+"household", in which half is of ``EVERYDAY_FAMILIES`` and a sixth of each of the others.
 """
 
 from __future__ import annotations
@@ -108,6 +109,11 @@ WORLDS: dict[str, tuple[str, ...]] = {
     "wide": _in_turn(SEEN_FAMILIES, MORE_FAMILIES),
     "detailed": _in_turn(SEEN_FAMILIES, MORE_FAMILIES, DETAILED_FAMILIES),
     "everyday": _in_turn(SEEN_FAMILIES, MORE_FAMILIES, DETAILED_FAMILIES, EVERYDAY_FAMILIES),
+    "household": _in_turn(
+        *(SEEN_FAMILIES, EVERYDAY_FAMILIES),
+        *(MORE_FAMILIES, EVERYDAY_FAMILIES),
+        *(DETAILED_FAMILIES, EVERYDAY_FAMILIES),
+    ),
 }
 HELD_OUT_SEED = 1_000_000
 MAX_PARTS = 16
