@@ -3,7 +3,8 @@
 They go through windows of ``WINDOW`` blocks, from ``DataConfig.first_block`` on; in a window each
 object is shown ``DataConfig.reuse`` times, in random order, in one of its views, mirrored with
 probability 1/2 (``voxels.typed_batches.LayoutBatch``). A share ``DataConfig.photographs`` of the
-pictures are as they would be cut out of a photograph (``data.photographs``), others each time.
+pictures are as they would be cut out of a photograph (``data.photographs``), others each time. One
+batch in ``DataConfig.box_sets_every`` has legs, panels and boards; in the others they are None.
 """
 
 from __future__ import annotations
@@ -39,7 +40,7 @@ from uniart_jax.data.order import ENDLESS, Draw, local_rows
 from uniart_jax.data.photographs import photographed
 from uniart_jax.data.scenes import OTHERS, Crop
 from uniart_jax.data.stream import Batches
-from uniart_jax.voxels.typed_batches import LayoutBatch
+from uniart_jax.voxels.typed_batches import BOX_SETS, LayoutBatch
 
 WINDOW = 4  # blocks that batches are drawn from at a time
 _LOCK = threading.Lock()
@@ -50,10 +51,13 @@ def claimed_settings(data: DataConfig, model: ModelConfig) -> LayoutSettings:
 
     Raises:
       ValueError: the folder holds other settings, the first block is below 0,
-        ``data.photographs`` is not a share, or ``data.backgrounds`` holds no pictures.
+        ``data.box_sets_every`` below 1, ``data.photographs`` is not a share, or
+        ``data.backgrounds`` holds no pictures.
     """
     if data.first_block < 0:
         raise ValueError(f"config: data.first_block is {data.first_block}; give 0 or more")
+    if data.box_sets_every < 1:
+        raise ValueError(f"config: data.box_sets_every is {data.box_sets_every}; give 1 or more")
     if not 0 <= data.photographs <= 1:
         raise ValueError(f"config: data.photographs is {data.photographs:g}; give 0 to 1")
     picture_paths(data.backgrounds)
@@ -137,7 +141,10 @@ def _load(
         photographer = np.random.default_rng([data.seed, 6, place]) if taken[row] else None
         mirrored = bool(flips[row] and data.mirror)
         items.append(_item(table, item, float(views[row]), mirrored, photographer, pictures))
-    return _stacked(items)
+    batch = _stacked(items)
+    if draw.number % data.box_sets_every:
+        batch = batch._replace(**dict.fromkeys(BOX_SETS))
+    return batch
 
 
 def drawn_item(

@@ -174,6 +174,7 @@ class LayoutNetwork(nnx.Module):
         camera: jax.Array | None = None,
         use_true_camera: jax.Array | None = None,
         phase: jax.Array | None = None,
+        box_sets: bool = True,
     ) -> dict[str, Any]:
         """Find the parts.
 
@@ -182,14 +183,15 @@ class LayoutNetwork(nnx.Module):
           camera: [B, 7] true camera codes that boxes are read with instead of the estimate, where
             ``use_true_camera`` [B].
           phase: [2] 0 or 1, which cells of the map are the tokens; None: the last of each four.
+          box_sets: whether legs, panels and boards are found too.
 
         Returns:
           camera [B, 7]; parts: a list over the first guess and each run of a layer of
           corners [B, Q, 6] (lower, upper), codes
           [B, Q, 9], exists [B, Q] logits, colors [B, Q, 3] linear RGB; parents [B, Q, Q] logits
           child -> parent, the diagonal the root's, of the last layer; tokens [B, Q, D], one a part;
-          map [B, S/4, S/4, C]; legs, panels and boards (``models.box_sets``) where the
-          config has queries for them.
+          map [B, S/4, S/4, C]; with ``box_sets`` legs, panels and boards (``models.box_sets``)
+          where the config has queries for them.
         """
         features, sketch = self.read_image(image)
         estimate = self.to_camera(sketch).astype(jnp.float32) + jnp.asarray(TYPICAL)
@@ -219,7 +221,7 @@ class LayoutNetwork(nnx.Module):
             "tokens": y,
             "map": features,
         }
-        if self.sets:
+        if self.sets and box_sets:
             last = parts[-1]
             body = likely_root(last["corners"], last["exists"], out["parents"])
             place = self._place(last["corners"])

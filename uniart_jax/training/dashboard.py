@@ -127,10 +127,10 @@ class Meter:
             self._of_program.setdefault(program.label, []).append((now - begin, values))
 
     def row(self, step: int, programs: int | None = None) -> Scalars:
-        """Means over the steps where a metric is a number (one may be undefined on a batch), rates,
-        and a new start."""
+        """Means over the steps where a metric is a number (a batch may have none), rates, and a new
+        start."""
         result = {}
-        for key in self.latest:
+        for key in dict.fromkeys(key for seen in (self.latest, *self._seen) for key in seen):
             values = [v for seen in self._seen if math.isfinite(v := seen.get(key, math.nan))]
             result[key] = math.fsum(values) / len(values) if values else math.nan
         result["learning_rate"] = float(self._schedule(step - 1))

@@ -55,6 +55,9 @@ class LayoutBatch(NamedTuple):
     board_share: Annotated[Array, "B K", "float"] = None
 
 
+BOX_SETS = tuple(LayoutBatch._field_defaults)  # fields of legs, panels and boards
+
+
 class MaskBatch(NamedTuple):
     """Pictures with their backgrounds (``data.scene_batches``): what the mask network trains on.
 
