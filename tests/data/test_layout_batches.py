@@ -11,6 +11,7 @@ from uniart_jax.config import DataConfig, GridConfig, LayoutConfig, ModelConfig
 from uniart_jax.data import layout_batches, layouts
 from uniart_jax.data.mirror import mirror_boxes, mirror_codes, mirror_corners, mirror_legs
 from uniart_jax.voxels.joint_code import gauge_variants
+from uniart_jax.voxels.typed_batches import BOX_SETS
 
 SETTINGS = layouts.LayoutSettings(image_size=32)
 MODEL = ModelConfig(grid=GridConfig(32, 4, 16), layout=LayoutConfig(image_size=32))
@@ -45,7 +46,9 @@ def test_a_training_begins_at_its_first_block(data):
     held = np.concatenate([layouts.load_block(data.layouts, n, settings)["boxes"] for n in (2, 3)])
     places = [np.flatnonzero((held == boxes).all((1, 2))).tolist() for boxes in shown]
     assert sorted(places) == sorted([[k] for k in range(6)] * 2)
-    for given, said in (({"first_block": -1}, "first_block is -1"), ({"photographs": 5}, "is 5;")):
+    wrong = {"first_block": -1, "photographs": 5, "box_sets_every": 0}
+    for name, value in wrong.items():
+        given, said = {name: value}, f"{name} is {value};"
         with pytest.raises(ValueError, match=f"config: data.*{said}"):
             layout_batches.layout_batches(dataclasses.replace(data, **given), MODEL, 4)
 
@@ -56,6 +59,20 @@ def test_batches_resume_and_are_shared(data):
     np.testing.assert_array_equal(later.image, whole[6].image)
     halves = [taken(data, 1, process_index=i, process_count=2)[0] for i in (0, 1)]
     np.testing.assert_array_equal(np.concatenate([h.boxes for h in halves]), whole[0].boxes)
+
+
+def test_one_batch_of_several_has_legs_panels_and_boards(data):
+    """The rest of the others is as it would be with them."""
+    for number, (some, whole) in enumerate(
+        zip(taken(dataclasses.replace(data, box_sets_every=3), 5), taken(data, 5), strict=True)
+    ):
+        for name, value in whole._asdict().items():
+            held = getattr(some, name)
+            if number % 3 and name in BOX_SETS:
+                assert held is None
+            else:
+                np.testing.assert_array_equal(held, value, err_msg=name)
+    assert {"legs", "panels", "boards", "board_share"} < set(BOX_SETS)
 
 
 def test_mirrored_items_belong_together(data):

@@ -11,7 +11,7 @@ from copies import replaced
 from drawn import parameters
 from flax import nnx
 
-from uniart_jax.config import LayoutConfig, ModelConfig
+from uniart_jax.config import Config, LayoutConfig, ModelConfig
 from uniart_jax.models.box_sets import (
     LEG_ROW,
     PANEL_ROW,
@@ -25,7 +25,9 @@ from uniart_jax.models.layout import likely_root
 from uniart_jax.models.layout_layers import read_boxes
 from uniart_jax.models.network import build
 from uniart_jax.objects.kinematics import Joint
+from uniart_jax.training.layout_loss import make_layout_loss
 from uniart_jax.voxels.joint_code import encode_joint
+from uniart_jax.voxels.typed_batches import LayoutBatch
 
 SMALL = LayoutConfig(
     queries=5, image_size=64, backbone="convolutions", map_channels=8, width=16, layers=1, heads=2,
@@ -272,3 +274,32 @@ def test_the_box_around_a_leg_that_leans():
     np.testing.assert_allclose(
         jax.jit(LegDecoder.corners)(row), [-0.1, 0.1, -0.5, 0.2, 0.4, -0.2], rtol=1e-6
     )
+
+
+def test_a_batch_without_them_teaches_the_parts_alone(params):
+    """The sets are not run, so nothing of them moves; one that lacks a set alone is told."""
+    rng = np.random.default_rng(2)
+    rows = {
+        "boxes": rng.random((2, 4, 6), np.float32),
+        "codes": rng.random((2, 4, 9), np.float32),
+        "colors": rng.random((2, 4, 3), np.float32),
+    }
+    counts = np.array([2, 4], np.int32)
+    batch = LayoutBatch(
+        image=IMAGE,
+        camera=rng.random((2, 7), np.float32),
+        parents=np.zeros((2, 4), np.int32),
+        part_counts=counts,
+        **rows,
+    )
+    loss = make_layout_loss(NETWORK, Config(model=ModelConfig(layout=SMALL)))
+    moved, terms = jax.jit(jax.grad(loss, has_aux=True))(params, batch, jax.random.key(0))
+    assert not {*SETS} & {*terms} and {"box", "code", "camera"} <= {*terms}
+    for name, gradient in moved.items():
+        largest = max(float(np.abs(leaf).max()) for leaf in jax.tree.leaves(gradient))
+        assert (largest == 0) == (name in SETS), name
+    with pytest.raises(ValueError, match="the batch has no panels"):
+        lacking = batch._replace(
+            legs=np.zeros((2, 8, 12), np.float32), leg_counts=counts, legs_alone=counts > 0
+        )
+        jax.eval_shape(loss, params, lacking, jax.random.key(0))

@@ -128,6 +128,14 @@ def test_every_program_has_its_own_rate(monkeypatch):
     assert not any(name.startswith("program_") for name in meter.row(6, programs=1))
 
 
+def test_a_metric_that_the_last_step_lacks_is_kept():
+    meter = dashboard.Meter("toy", StageConfig())
+    for legs in ({"legs": 2.0}, {}, {"legs": 4.0}, {}):
+        meter.add(1, {"loss": jnp.float32(1), "finite": True, **legs})
+    meter.settle()
+    assert meter.row(4)["legs"] == 3
+
+
 def test_compiling_is_charged_to_no_program(tmp_path, monkeypatch):
     """A new shape at the fourth step; compiling takes a hundred seconds by the clock."""
     ahead, clock = [0.0], time.perf_counter
