@@ -256,7 +256,17 @@ def test_the_refiner_learns_in_one_of_a_few_steps_of_the_flow(pool_tools):
     given.refine_every, given.refine_channels = 1, 8
     assert list(tool.due_steps("structure_flow", given)) == ["structure_flow"]
     assert [s for s in range(9) if tool.due_steps("mask", given)["mask"](s)] == [0, 4, 8]
-    assert all(tool.due_steps("layout", given)["layout"](s) for s in range(9))
+
+
+def test_legs_panels_and_boards_are_learned_in_one_of_a_few_steps(pool_tools):
+    tool = importlib.import_module("train_pool")
+    given = argparse.Namespace(flow_every=2, refine_every=1, mask_every=4, box_sets_every=3)
+    steps = tool.due_steps("layout", given)
+    taken = {name: [s for s in range(7) if due(s)] for name, due in steps.items()}
+    assert taken == {"layout": [0, 3, 6], "parts": [1, 2, 4, 5]}
+    given.box_sets_every = 1
+    (due,) = tool.due_steps("layout", given).values()
+    assert all(due(s) for s in range(9))
 
 
 def test_the_deadline_of_no_file_is_the_one_before(pool_tools, tmp_path):

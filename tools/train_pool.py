@@ -12,7 +12,8 @@ are drawn from these, newer ones more often. So the accelerator never waits, and
 shown a few times only.
 
     layout      ``training.layout_loss``, on renders whose light is changed a little and on
-                photographs; a step with every batch
+                photographs; a step with every batch, of which one in ``--box-sets-every`` has
+                legs, panels and boards (more than half of a step's time)
     structure   rectified flow of the structure latent, most of it at t = 1; besides, cross-entropy
                 and Dice of what the structure VAE decodes of its x_0, and of what the refiner makes
                 of that (in one step of ``--refine-every``: on a CPU it is most of a step's time).
@@ -92,6 +93,9 @@ def main() -> None:
     parser.add_argument("--rate", type=float, default=1.2e-3, help="of the layout network")
     parser.add_argument("--flow-rate", type=float, default=8e-4, help="of the structure flow")
     parser.add_argument("--mask-rate", type=float, default=1.2e-3, help="of the mask network")
+    parser.add_argument(
+        "--box-sets-every", type=int, default=1, help="steps for one with legs, panels and boards"
+    )
     parser.add_argument("--flow-every", type=int, default=2, help="steps for one of the flow")
     parser.add_argument(
         "--refine-every", type=int, default=1, help="of the flow, for a refined one"
@@ -102,7 +106,7 @@ def main() -> None:
     parser.add_argument("--save", type=float, default=150, help="seconds between two savings")
     parser.add_argument("--tiny", action="store_true", help="few objects, small batches")
     given = parser.parse_args()
-    for name in ("flow_every", "refine_every", "mask_every"):
+    for name in ("box_sets_every", "flow_every", "refine_every", "mask_every"):
         if getattr(given, name) < 1:
             parser.error(f"--{name.replace('_', '-')} must be at least 1")
     if given.tiny:
@@ -125,6 +129,7 @@ def train(given: argparse.Namespace) -> None:
     from uniart_jax.training.layout_loss import make_layout_loss
     from uniart_jax.training.mask_loss import make_mask_loss
     from uniart_jax.training.state import frozen_mask, make_optimizer
+    from uniart_jax.voxels.typed_batches import parts_of
 
     print(jax.devices(), jax.__version__, flush=True)
     init, replace = Checkpoint.find(given.init), dataclasses.replace
@@ -153,6 +158,7 @@ def train(given: argparse.Namespace) -> None:
     unrefined = replace(config.model, structure_flow=replace(flow, refine_channels=0))
     losses = {
         "layout": lambda params, batch, key: layout_loss(params, batch.layout, key),
+        "parts": lambda params, batch, key: layout_loss(params, parts_of(batch.layout), key),
         "mask": mask_loss,
         "structure_flow": make_structure_loss(nets, config, init.statistics("structure")),
         "unrefined": make_structure_loss(
@@ -274,7 +280,9 @@ def due_steps(network: str, given: argparse.Namespace) -> dict[str, Callable[[in
     """When each loss of a network is taken, by the loss's name."""
     flow, refined = given.flow_every, given.flow_every * given.refine_every
     if network == "layout":
-        return {"layout": lambda step: True}
+        sets = given.box_sets_every
+        steps = {"layout": lambda step: step % sets == 0}
+        return steps | ({"parts": lambda step: step % sets != 0} if sets > 1 else {})
     if network == "mask":
         return {"mask": lambda step: step % given.mask_every == 0}
     steps = {"structure_flow": lambda step: step % refined == 0}

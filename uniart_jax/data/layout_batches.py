@@ -40,7 +40,7 @@ from uniart_jax.data.order import ENDLESS, Draw, local_rows
 from uniart_jax.data.photographs import photographed
 from uniart_jax.data.scenes import OTHERS, Crop
 from uniart_jax.data.stream import Batches
-from uniart_jax.voxels.typed_batches import BOX_SETS, LayoutBatch
+from uniart_jax.voxels.typed_batches import LayoutBatch, parts_of
 
 WINDOW = 4  # blocks that batches are drawn from at a time
 _LOCK = threading.Lock()
@@ -142,9 +142,7 @@ def _load(
         mirrored = bool(flips[row] and data.mirror)
         items.append(_item(table, item, float(views[row]), mirrored, photographer, pictures))
     batch = _stacked(items)
-    if draw.number % data.box_sets_every:
-        batch = batch._replace(**dict.fromkeys(BOX_SETS))
-    return batch
+    return parts_of(batch) if draw.number % data.box_sets_every else batch
 
 
 def drawn_item(

@@ -99,6 +99,7 @@ class Programs:
         *before, new = self.compiled
         known = before[-1].shapes if before else {}
         changed = [f"{n} {s}" for n, s in new.shapes.items() if known.get(n) != s]
+        changed += [f"no {n}" for n in known if n not in new.shapes]
         left = f" and {len(changed) - SHOWN} more" if len(changed) > SHOWN else ""
         text = (
             f"compiled program {len(before) + 1} in {new.seconds:.1f} s: "

@@ -58,6 +58,11 @@ class LayoutBatch(NamedTuple):
 BOX_SETS = tuple(LayoutBatch._field_defaults)  # fields of legs, panels and boards
 
 
+def parts_of(batch: LayoutBatch) -> LayoutBatch:
+    """A batch without its legs, panels and boards."""
+    return batch._replace(**dict.fromkeys(BOX_SETS))
+
+
 class MaskBatch(NamedTuple):
     """Pictures with their backgrounds (``data.scene_batches``): what the mask network trains on.
 
