@@ -26,7 +26,6 @@ from uniart_jax.models.image_encoder import shrink
 from uniart_jax.models.network import Network
 from uniart_jax.nn.shapes import Array
 from uniart_jax.training.flow_losses import summarize_flow
-from uniart_jax.training.found_layouts import choose
 from uniart_jax.training.losses import occupancy_terms
 from uniart_jax.voxels.part_table import SMALLEST_SIDE, PartTable
 from uniart_jax.voxels.typed_batches import LayoutBatch, MaskBatch
@@ -133,12 +132,14 @@ def make_structure_loss(
         encoder, vae_params, finder = jax.lax.stop_gradient(frozen)
         keys = jax.random.split(key, 8)
         image, items = batch.flow_image, len(batch.flow_image)
-        out = nets["layout"].apply(finder, image)
         true = batch.layout
         table = PartTable(true.boxes, true.codes, true.parents, true.colors, true.part_counts)
+        looked_at = round(FOUND * items)  # which objects these are is drawn with the batch
+        out = nets["layout"].apply(finder, image[:looked_at], box_sets=False)
         found = found_table(out["parts"][-1], out["parents"], most)
-        chosen = jax.random.bernoulli(keys[0], FOUND, (items,))
-        layout = choose(chosen, found, tables_with_errors(table, keys[1]))
+        chosen = jnp.arange(items) < looked_at
+        layout = tables_with_errors(table, keys[1])
+        layout = jax.tree.map(lambda rows, own: rows.at[:looked_at].set(own), layout, found)
         layout = jax.lax.stop_gradient(layout)
         small = shrink(image, config.model.image_encoder.image_size)
         warped = bent(small, config.data.image_warp, keys[2])
