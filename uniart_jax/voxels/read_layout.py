@@ -1,5 +1,5 @@
 """What a layout network says of one picture -> Layout: rows that exist, their tree, and joints with
-their closed end first; knobs turn clockwise."""
+their closed end first; knobs turn clockwise, doors and drawers side by side have common edges."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.voxels.camera_code import camera_position
+from uniart_jax.voxels.front_lines import with_common_edges
 from uniart_jax.voxels.joint_code import KAPPA, NETWORK_TOLERANCE, box_corners, decode_part
 from uniart_jax.voxels.layout import ROOT, Layout
 from uniart_jax.voxels.leg_table import read_legs
@@ -39,7 +40,8 @@ def read_layout(outputs: dict[str, np.ndarray], threshold: float = THRESHOLD) ->
 
     Returns:
       A layout whose tree is the arborescence of the highest total score. Knobs turn clockwise
-      (``_knobs_turn_clockwise``), and hinges of plates lie at their edges (``_at_edge``).
+      (``_knobs_turn_clockwise``), hinges of plates lie at their edges (``_at_edge``), and closed
+      fronts have common edges (``front_lines``).
     """
     probability = 1 / (1 + np.exp(-np.asarray(outputs["exists"], np.float64)))
     rows = np.flatnonzero(probability > threshold)
@@ -77,7 +79,10 @@ def read_layout(outputs: dict[str, np.ndarray], threshold: float = THRESHOLD) ->
             else read_boards(outputs, row, boxes[k])
             for k, row in enumerate(rows.tolist())
         )
-    return Layout(boxes, joints, parents, colors, probability[rows], camera, legs, panels, boards)
+    sure = probability[rows]
+    return with_common_edges(
+        Layout(boxes, joints, parents, colors, sure, camera, legs, panels, boards)
+    )
 
 
 def _at_edge(joint: Joint, box: np.ndarray) -> Joint:
