@@ -75,14 +75,28 @@ def test_drawers_of_a_grid_have_common_edges_and_even_gaps(seed):
     np.testing.assert_allclose(again.boxes, found.boxes, atol=1e-12)
 
 
+def test_a_drawer_that_is_drawn_out_has_the_edges_of_the_others():
+    """What it is out by does not matter; where it would not be flush when closed, it is none."""
+    out = dataclasses.replace(drawer([0, 0], [1, 1])[1], travel=(-0.2, 0.1))
+    pulled = box([-0.5, 0.01, 0.02], [0.0, 0.44, 0.3]), out
+    given = layout(drawer([0.0, -0.31], [0.45, 0.0]), pulled)
+    lower, upper = edges(with_common_edges(given))
+    np.testing.assert_allclose(lower[:, 1], 0.005)
+    np.testing.assert_allclose(upper[:, 1], 0.445)
+    assert lower[1, 2] - upper[0, 2] == pytest.approx(GAP[1])
+    assert lower[1, 0] == -0.5
+    far = layout(
+        drawer([0.0, -0.31], [0.45, 0.0]), (box([-0.7, 0.01, 0.02], [-0.2, 0.44, 0.3]), out)
+    )
+    assert with_common_edges(far) is far
+
+
 def test_what_is_no_closed_front_stays_as_it_is():
-    """A drawer that is pulled out, a door that stands open, one that lies behind the others, a
-    button, a front on another side, and a rail between two fronts."""
-    out = dataclasses.replace(drawer([0.01, 0.01], [0.44, 0.3])[1], travel=(-0.2, 0.1))
+    """A door that stands open, a drawer that lies behind the others, a button, a front on another
+    side, and a rail between two fronts."""
     button = (box([-0.32, 0.015, 0.33], [-0.3, 0.035, 0.35]), drawer([0, 0], [1, 1])[1])
     beside = (box([-0.2, 0.45, 0.02], [0.2, 0.48, 0.3]), Joint([0, 0.48, 0], [1, 0, 0], (0, 1.5)))
     others = [
-        (box([-0.5, 0.01, 0.01], [0.0, 0.44, 0.3]), out),
         door([0.012, 0.02], [0.3, 0.3], angle=(-0.8, 0.8)),
         drawer([0.013, 0.02], [0.44, 0.3], face=-0.1),
         button,

@@ -20,8 +20,7 @@ from uniart_jax.voxels.panel_table import Panels
 
 # lengths in object units
 ALONG = 0.95  # least cosine between a joint's axis and an axis of the lattice
-CLOSED = 0.03  # travel from its closed end at which a drawer is shown at most
-AJAR = 0.12  # radians, so of a door
+AJAR = 0.12  # radians from an end of its range at which a door is shown at most
 DEEP = 0.1  # a slider that is less deep is no drawer: a button
 THIN = 0.35  # largest thickness of a door over its width
 FLUSH = 0.06  # between outer faces of one front
@@ -35,8 +34,8 @@ LEAST = 0.02  # side of a front
 def with_common_edges(layout: Layout) -> Layout:
     """A layout whose fronts have common edges, even gaps, and hinges and boards that go with them.
 
-    Fronts are drawers and doors of one parent, shown closed, whose outer faces are flush
-    (``fronts_of``). All else, and a front alone, stays as it is.
+    Fronts are drawers and closed doors of one parent whose outer faces are flush when they are
+    closed (``fronts_of``). All else, and a front alone, stays as it is.
     """
     lower = layout.boxes[:, :3] - layout.boxes[:, 3:] / 2
     upper = layout.boxes[:, :3] + layout.boxes[:, 3:] / 2
@@ -69,20 +68,20 @@ def fronts_of(layout: Layout) -> list[tuple[int, np.ndarray]]:
             sides.setdefault((parent, *facing), []).append(k)
     found = []
     for (_, axis, side), parts in sides.items():
-        face = layout.boxes[parts, axis] + side * layout.boxes[parts, 3 + axis] / 2
+        drawn_out = np.array([layout.joints[k].travel[0] for k in parts])
+        face = layout.boxes[parts, axis] + side * (layout.boxes[parts, 3 + axis] / 2 + drawn_out)
         found += [(axis, np.array(parts)[rows]) for rows in _apart(face, FLUSH)]
     return [(axis, parts) for axis, parts in found if len(parts) > 1]
 
 
 def _facing(layout: Layout, k: int) -> tuple[int, int] | None:
-    """(axis, side) that a closed drawer or door faces; None for all else."""
+    """(axis, side) that a drawer or a closed door faces; None for all else."""
     joint, box = layout.joints[k], layout.boxes[k]
     axis = int(np.abs(joint.direction).argmax())
     if abs(joint.direction[axis]) < ALONG:
         return None
     if joint.type == "prismatic":
-        shut = abs(joint.travel[0]) < CLOSED and box[3 + axis] > DEEP
-        return (axis, int(np.sign(joint.direction[axis]))) if shut else None
+        return (axis, int(np.sign(joint.direction[axis]))) if box[3 + axis] > DEEP else None
     if joint.type != "revolute" or min(np.abs(joint.angle)) > AJAR:
         return None
     thick, wide = sorted(np.delete(np.arange(3), axis), key=lambda side: box[3 + side])
