@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from uniart_jax.inference.layouts import joined, last_legs, last_panels, mirror_parts
+from uniart_jax.objects.kinematics import Joint
+from uniart_jax.voxels.joint_code import encode_joint, gauge_variants
 
 RNG = np.random.default_rng(0)
 
@@ -55,6 +57,25 @@ def test_equal_answers_stay_whatever_their_order_is():
     assert both.keys() == one.keys()
     for name, value in one.items():
         np.testing.assert_allclose(both[name], value, atol=1e-6, err_msg=name)
+
+
+@pytest.mark.parametrize(("sureness", "first"), [(1.0, True), (3.0, False)])
+def test_joints_that_differ_are_not_averaged(sureness, first):
+    """A hinge at the left in one look, at the right in the other: the surer one's, nothing between;
+    small differences are averaged, in one gauge."""
+    box = np.array([-0.4, -0.2, -0.1])
+    hinges = [Joint([-0.4, y, 0], [0, 0, way], angle=(0, 1.5)) for y, way in ((-0.4, 1), (0, -1))]
+    codes = [encode_joint(hinge, box) for hinge in hinges]
+    one = outputs()
+    one["codes"][:], one["exists"][:] = codes[0], 2.0
+    other = {name: np.copy(value) for name, value in one.items()}
+    other["codes"][0], other["exists"][:] = codes[1], sureness
+    other["codes"][1] = gauge_variants(codes[0])[1] + 0.01
+    both = joined(one, other)["codes"]
+    off = np.abs(gauge_variants(both[0]) - codes[0 if first else 1]).max(-1).min()
+    assert off < 1e-9
+    between = np.abs(gauge_variants(both[1]) - codes[0]).max(-1).min()
+    assert 0.001 < between < 0.0099
 
 
 def test_legs_near_each_other_are_averaged_and_of_others_the_surer_stands():

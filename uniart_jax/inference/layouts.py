@@ -30,6 +30,7 @@ from uniart_jax.runtime.program_cache import kept_program
 from uniart_jax.voxels.joint_code import align, box_corners
 
 APART = 0.15  # object units between the corners of rows that two looks have of one part
+DIFFERENT = 0.5  # between codes of rows that two looks have of one part
 SURE = 0.3  # object units that a match is worth if both rows are sure
 
 
@@ -138,18 +139,21 @@ def joined(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> dict[str
 
     Rows whose corners lie more than ``APART`` apart are not of one part: the surer one's box, code
     and colour stand. Their existence is averaged all the same, so that a part which one look alone
-    finds has to be the surer.
+    finds has to be the surer. Codes that differ by more than ``DIFFERENT`` are two joints, whose
+    mean is none, a hinge on the left and one on the right for instance: the surer row's stands.
     """
     rows, exists = (one["corners"], other["corners"]), (one["exists"], other["exists"])
     i, j, share = _matched(*rows, *exists)
     codes = align(other["codes"][j], one["codes"][i])
+    differ = np.linalg.norm(codes - one["codes"][i], axis=1, keepdims=True) > DIFFERENT
+    turned = np.where(differ, share > 0.5, share)
     mix = lambda a, b: (1 - share) * a + share * b  # noqa: E731
     return {
         **(joined_legs(one, other) if "leg_rows" in one else {}),
         **(joined_panels(one, other) if "panel_rows" in one else {}),
         **(joined_boards(one, other, i, j, share[:, 0]) if "board_rows" in one else {}),
         "corners": mix(one["corners"][i], other["corners"][j]),
-        "codes": mix(one["codes"][i], codes),
+        "codes": (1 - turned) * one["codes"][i] + turned * codes,
         "colors": mix(one["colors"][i], other["colors"][j]),
         "exists": (one["exists"][i] + other["exists"][j]) / 2,
         "parents": (one["parents"][np.ix_(i, i)] + other["parents"][np.ix_(j, j)]) / 2,
