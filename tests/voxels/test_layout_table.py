@@ -113,6 +113,25 @@ def test_the_hinge_of_a_plate_is_at_its_edge_if_it_is_near_it(y, found):
     assert joint.type == "revolute" and joint.direction @ (0, 0, 1) > 0.999
 
 
+@pytest.mark.parametrize(
+    ("length", "found"), [(0.04, "fixed"), (0.12, "revolute"), (0.45, "revolute")]
+)
+def test_a_short_axis_is_one_and_passes_its_part(length, found):
+    """As of a door of which a network cannot tell on which side its hinge is."""
+    parts = [Part("body", trimesh.creation.box(BODY[3:]))]
+    mesh = trimesh.creation.box((0.03, 0.5, 0.6)).apply_translation((-0.4, 0, 0))
+    hinge = Joint((-0.4, 0.25, 0.1), (0.02, 0.05, 1), angle=(0, 1.5))
+    parts.append(Part("door", mesh, 0, hinge))
+    out = outputs_of(ArticulatedObject(tuple(parts)))
+    code = out["codes"][1]
+    out["codes"][1] = np.concatenate([code[:1], length * code[1:4], 0.6 * code[4:7], code[7:]])
+    joint = read_layout(out).joints[1]
+    assert joint.type == found
+    if found == "revolute":
+        assert (np.abs(joint.direction) == [0, 0, 1]).all()
+        np.testing.assert_allclose(joint.origin[:2], [-0.4, 0.25], atol=0.03)
+
+
 def test_a_lever_that_turns_about_its_thickness_and_a_slanted_door_stay():
     lever = knob_read((-0.5, 0.5), (-0.42, 0.1, 0.2, 0.02, 0.3, 0.03), (1, 0, 0))
     np.testing.assert_allclose(lever.origin[1:], (0.1, 0.2), atol=2e-3)
