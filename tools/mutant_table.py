@@ -448,4 +448,30 @@ MUTANTS = (
         "-FRONTS.index(front))",
         "tests/evaluation/test_peers.py::test_every_front_comes_to_minus_x[+y-turned3]",
     ),
+    Mutant(
+        "uniart_jax/inference/layouts.py",
+        "turned = np.where(differ, share > 0.5, share)",
+        "turned = share",
+        "tests/inference/test_layout_predictor.py::test_joints_that_differ_are_not_averaged[1.0-True]",
+    ),
+    Mutant(
+        "uniart_jax/voxels/front_lines.py",
+        "half = np.clip(gap, *GAP) / 2",
+        "half = gap / 2",
+        "tests/voxels/test_front_lines.py"
+        "::test_drawers_of_a_grid_have_common_edges_and_even_gaps[0]",
+    ),
+    Mutant(
+        "uniart_jax/voxels/front_lines.py",
+        "boards[k] = _boards_of(boards[k], layout.boxes[k], boxes[k])",
+        "pass",
+        "tests/voxels/test_front_lines.py::test_a_hinge_and_boards_go_with_their_door",
+    ),
+    Mutant(
+        "uniart_jax/data/layout_batches.py",
+        "parts_of(batch) if draw.number % data.box_sets_every else batch",
+        "batch",
+        "tests/data/test_layout_batches.py"
+        "::test_one_batch_of_several_has_legs_panels_and_boards",
+    ),
 )  # fmt: skip
