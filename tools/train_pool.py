@@ -125,6 +125,7 @@ def train(given: argparse.Namespace) -> None:
 
     from uniart_jax.models.checkpoint import Checkpoint
     from uniart_jax.models.checkpoint_files import write_config, write_network
+    from uniart_jax.models.layout import SETS
     from uniart_jax.models.network import build
     from uniart_jax.training.layout_loss import make_layout_loss
     from uniart_jax.training.mask_loss import make_mask_loss
@@ -154,7 +155,8 @@ def train(given: argparse.Namespace) -> None:
         "structure_flow": drawn | init.load("structure_flow"),
         "mask": init.load("mask"),
     }
-    layout_loss, mask_loss = make_layout_loss(nets["layout"], config), make_mask_loss(nets["mask"])
+    some = replace(config, data=replace(config.data, box_sets_every=given.box_sets_every))
+    layout_loss, mask_loss = make_layout_loss(nets["layout"], some), make_mask_loss(nets["mask"])
     unrefined = replace(config.model, structure_flow=replace(flow, refine_channels=0))
     losses = {
         "layout": lambda params, batch, key: layout_loss(params, batch.layout, key),
@@ -178,7 +180,9 @@ def train(given: argparse.Namespace) -> None:
         optimizer, params = make_optimizer(stage), jax.device_put(begin[name])
         runs[name] = Run(params, optimizer.init(params), jax.tree.map(jnp.copy, params))
         for loss, due in due_steps(name, given).items():
-            step = make_update(losses[loss], optimizer, frozen_mask(params, stage.freeze))
+            idle = [n for n in SETS if getattr(layout, n)] if loss == "parts" else []
+            still = frozen_mask(params, (*stage.freeze, *idle))
+            step = make_update(losses[loss], optimizer, still)
             updates.append(Update(name, loss, step, due))
     prepare, prepare_scenes = jax.jit(prepared), jax.jit(prepared_scenes)
 

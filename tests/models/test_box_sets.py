@@ -11,7 +11,7 @@ from copies import replaced
 from drawn import parameters
 from flax import nnx
 
-from uniart_jax.config import Config, LayoutConfig, ModelConfig
+from uniart_jax.config import Config, DataConfig, LayoutConfig, ModelConfig
 from uniart_jax.models.box_sets import (
     LEG_ROW,
     PANEL_ROW,
@@ -25,6 +25,7 @@ from uniart_jax.models.layout import likely_root
 from uniart_jax.models.layout_layers import read_boxes
 from uniart_jax.models.network import build
 from uniart_jax.objects.kinematics import Joint
+from uniart_jax.stages.layout import LayoutStage
 from uniart_jax.training.layout_loss import make_layout_loss
 from uniart_jax.voxels.joint_code import encode_joint
 from uniart_jax.voxels.typed_batches import LayoutBatch
@@ -277,7 +278,8 @@ def test_the_box_around_a_leg_that_leans():
 
 
 def test_a_batch_without_them_teaches_the_parts_alone(params):
-    """The sets are not run, so nothing of them moves; one that lacks a set alone is told."""
+    """The sets are not in the loss, and a training holds them still; where a training is not of
+    such batches, or some sets alone are missing, it is told."""
     rng = np.random.default_rng(2)
     rows = {
         "boxes": rng.random((2, 4, 6), np.float32),
@@ -292,14 +294,19 @@ def test_a_batch_without_them_teaches_the_parts_alone(params):
         part_counts=counts,
         **rows,
     )
-    loss = make_layout_loss(NETWORK, Config(model=ModelConfig(layout=SMALL)))
+    config = Config(model=ModelConfig(layout=SMALL), data=DataConfig(box_sets_every=2))
+    loss = make_layout_loss(NETWORK, config)
     moved, terms = jax.jit(jax.grad(loss, has_aux=True))(params, batch, jax.random.key(0))
     assert not {*SETS} & {*terms} and {"box", "code", "camera"} <= {*terms}
     for name, gradient in moved.items():
         largest = max(float(np.abs(leaf).max()) for leaf in jax.tree.leaves(gradient))
         assert (largest == 0) == (name in SETS), name
-    with pytest.raises(ValueError, match="the batch has no panels"):
-        lacking = batch._replace(
-            legs=np.zeros((2, 8, 12), np.float32), leg_counts=counts, legs_alone=counts > 0
-        )
-        jax.eval_shape(loss, params, lacking, jax.random.key(0))
+    lacking = batch._replace(
+        legs=np.zeros((2, 8, 12), np.float32), leg_counts=counts, legs_alone=counts > 0
+    )
+    assert LayoutStage().idle(config, batch) == tuple(SETS)
+    assert LayoutStage().idle(config, lacking) == ()
+    always = make_layout_loss(NETWORK, Config(model=config.model))
+    for given, words, loss_fn in ((lacking, "panels", loss), (batch, "legs", always)):
+        with pytest.raises(ValueError, match=f"the batch has no {words}"):
+            jax.eval_shape(loss_fn, params, given, jax.random.key(0))

@@ -86,6 +86,34 @@ def fresh(**settings):
     return state, make_train_step(loss_fn, optimizer, stage.ema_decay, freeze=stage.freeze)
 
 
+@pytest.mark.parametrize("muon", [0.0, 2.0])
+def test_momentum_does_not_move_what_a_batch_does_not_read(muon):
+    """Muon's steps are as large whatever the gradient is, also of what is not in the loss."""
+
+    def trunk_alone(params, batch, key):
+        if len(batch) == 8:
+            return loss_fn(params, batch, key)
+        return jnp.mean(jnp.tanh(batch @ params["trunk"]["kernel"]) ** 2), {}
+
+    stage = StageConfig(learning_rate=0.1, warmup_steps=0, muon=muon)
+    optimizer = make_optimizer(stage)
+    state = create_state(init, optimizer, jax.random.key(0))
+    step = make_train_step(
+        trunk_alone, optimizer, 0.9, idle=lambda batch: () if len(batch) == 8 else ("head",)
+    )
+    batch = np.random.default_rng(0).normal(size=(8, 3)).astype(np.float32)
+    moved = []
+    for some in (batch, batch[:4], batch[:4], batch):
+        before = {n: np.array(leaf) for n, leaf in flat_names(state).items()}
+        state, _ = step(state, some, jax.random.key(1))
+        after = flat_names(state)
+        moved.append({n for n in before if (np.asarray(after[n]) != before[n]).any()})
+    for names, whole in zip(moved, (True, False, False, True), strict=True):
+        assert "params.trunk.kernel" in names
+        for name in ("params.head.0.kernel", "params.head.0.bias", "ema.head.0.kernel"):
+            assert (name in names) == whole, name
+
+
 def test_frozen_parameters_stay_bit_for_bit_and_have_no_moments():
     state, step = fresh(freeze=("trunk", "head.0.bias"))
     # as after steps of before: an average that is apart from its parameters would move towards them

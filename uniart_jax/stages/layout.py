@@ -12,12 +12,13 @@ import numpy as np
 from uniart_jax.config import Config, ModelConfig
 from uniart_jax.data.layout_batches import layout_batches, validation_layouts
 from uniart_jax.inference.layouts import check_backbone, first_layout_weights
+from uniart_jax.models.layout import SETS
 from uniart_jax.models.network import Network, build
 from uniart_jax.stages.pictures import IMAGE_BATCH, RECORDS
 from uniart_jax.stages.stage import Evaluation, Stage
 from uniart_jax.training.layout_loss import make_layout_loss
 from uniart_jax.training.layout_metrics import layout_readings
-from uniart_jax.voxels.typed_batches import LayoutBatch
+from uniart_jax.voxels.typed_batches import LayoutBatch, has_parts_alone
 
 
 class LayoutStage(Stage):
@@ -38,6 +39,10 @@ class LayoutStage(Stage):
 
     def loss(self, network: Network, config: Config, workdir: Path, statistics: Any) -> Any:
         return make_layout_loss(network, config)
+
+    def idle(self, config: Config, batch: LayoutBatch) -> tuple[str, ...]:
+        layout = config.model.layout
+        return tuple(n for n in SETS if getattr(layout, n)) if has_parts_alone(batch) else ()
 
     def first_weights(self, config: Config) -> dict[str, Any]:
         return first_layout_weights(config)

@@ -93,6 +93,11 @@ class Stage(abc.ABC):
         """(params, batch, key) -> loss and scalar metrics; with ``frozen_params``, of (params,
         batch, key, frozen_params)."""
 
+    def idle(self, config: Config, batch: Any) -> tuple[str, ...]:
+        """Parameters that the loss of such a batch does not read, named as in ``freeze``; they stay
+        as they are in its step."""
+        return ()
+
     def frozen_params(
         self, config: Config, workdir: Path, source: Checkpoint | None
     ) -> tuple[Any, ...]:

@@ -210,6 +210,7 @@ def make_step(
         optimizer,
         settings.ema_decay,
         freeze=settings.freeze,
+        idle=functools.partial(stage.idle, config),
         accumulate=settings.accumulate,
         skip=settings.skip_not_finite > 0,
         frozen_params=jax.device_put(frozen, replicated(mesh)) if frozen else None,

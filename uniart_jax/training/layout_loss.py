@@ -24,7 +24,7 @@ from uniart_jax.training.leg_loss import leg_losses
 from uniart_jax.training.losses import binary_cross_entropy, joint_code_loss, to_corners
 from uniart_jax.training.matching import match
 from uniart_jax.training.panel_loss import board_losses, panel_losses
-from uniart_jax.voxels.typed_batches import BOX_SETS, LayoutBatch
+from uniart_jax.voxels.typed_batches import LayoutBatch, has_parts_alone
 
 BOX, CODE, COLOR, PARENT, CAMERA = 5.0, 5.0, 0.3, 0.3, 2.0
 LAYERS = 2.0
@@ -89,15 +89,15 @@ def layout_losses(out: dict[str, Any], batch: LayoutBatch) -> dict[str, jax.Arra
 
 def make_layout_loss(network: Network, config: Config):
     """``loss_fn(params, batch, key)``: half of the boxes are read with the true camera, and the
-    tokens' phase is drawn. Of a batch without legs, panels and boards they are neither found nor
-    paid for (``data.box_sets_every``)."""
-    del config
+    tokens' phase is drawn. Where ``data.box_sets_every`` is above 1, legs, panels and boards are
+    neither found nor paid for in batches without them."""
+    may_lack = config.data.box_sets_every > 1
 
     def loss_fn(params, batch, key):
         camera_key, phase_key = jax.random.split(key)
         use_true_camera = jax.random.bernoulli(camera_key, 0.5, batch.image.shape[:1])
         phase = jax.random.randint(phase_key, (2,), 0, 2)
-        box_sets = any(getattr(batch, name) is not None for name in BOX_SETS)
+        box_sets = not (may_lack and has_parts_alone(batch))
         given = batch.image, batch.camera, use_true_camera, phase
         out = network.apply(params, *given, box_sets=box_sets)
         terms = layout_losses(out, batch)

@@ -30,6 +30,7 @@ def make_train_step(
     ema_decay: float,
     *,
     freeze: Sequence[str] = (),
+    idle: Callable[[Any], Sequence[str]] = lambda batch: (),
     accumulate: int = 1,
     skip: bool = False,
     frozen_params: Any = None,
@@ -43,6 +44,8 @@ def make_train_step(
       ema_decay: of the averaged parameters.
       freeze: parameters that stay as they are, bit for bit, with their average
         (``state.frozen_mask``); nothing is differentiated by them.
+      idle: of a batch, parameters that its loss does not read. They stay as they are in its step,
+        where momentum would move them; their moments go on with a gradient of 0.
       accumulate: with n > 1, ``batch`` is a sequence of n micro-batches of equally many items
         (``microbatches.split_batch``), whose gradients are averaged one
         after another: the memory of one, the update of all. Micro-batch i draws by fold_in(key, i).
@@ -57,7 +60,8 @@ def make_train_step(
 
     def update(state: TrainState, batch: Any, key: jax.Array, frozen_params: Any = None):
         key = jax.random.fold_in(key, state.step)
-        mask = frozen_mask(state.params, freeze)
+        micro = batch[0] if accumulate > 1 else batch
+        mask = frozen_mask(state.params, (*freeze, *idle(micro)))
 
         def loss_of(params: Params, batch: Any, key: jax.Array):
             stop = jax.lax.stop_gradient

@@ -63,6 +63,11 @@ def parts_of(batch: LayoutBatch) -> LayoutBatch:
     return batch._replace(**dict.fromkeys(BOX_SETS))
 
 
+def has_parts_alone(batch: LayoutBatch) -> bool:
+    """Whether a batch has no legs, no panels and no boards."""
+    return all(getattr(batch, name) is None for name in BOX_SETS)
+
+
 class MaskBatch(NamedTuple):
     """Pictures with their backgrounds (``data.scene_batches``): what the mask network trains on.
 
