@@ -134,7 +134,7 @@ def make_structure_loss(
         image, items = batch.flow_image, len(batch.flow_image)
         true = batch.layout
         table = PartTable(true.boxes, true.codes, true.parents, true.colors, true.part_counts)
-        looked_at = round(FOUND * items)  # which objects these are is drawn with the batch
+        looked_at = max(1, round(FOUND * items))  # which objects these are is drawn with the batch
         out = nets["layout"].apply(finder, image[:looked_at], box_sets=False)
         found = found_table(out["parts"][-1], out["parents"], most)
         chosen = jnp.arange(items) < looked_at

@@ -13,7 +13,7 @@ shown a few times only.
 
     layout      ``training.layout_loss``, on renders whose light is changed a little and on
                 photographs; a step with every batch, of which one in ``--box-sets-every`` has
-                legs, panels and boards (more than half of a step's time)
+                legs, panels and boards (about half of a step's time)
     structure   rectified flow of the structure latent, most of it at t = 1; besides, cross-entropy
                 and Dice of what the structure VAE decodes of its x_0, and of what the refiner makes
                 of that (in one step of ``--refine-every``: on a CPU it is most of a step's time).
