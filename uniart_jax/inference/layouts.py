@@ -139,9 +139,9 @@ def joined(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> dict[str
 
     Rows whose corners lie more than ``APART`` apart are not of one part: the surer one's box, code
     and colour stand. Their existence is averaged all the same, so that a part which one look alone
-    finds has to be the surer. Of codes that differ by more than ``DIFFERENT`` the surer row's stands:
-    the mean of two joints, as of a door's hinge on the left and on the right, may be no joint of
-    either kind.
+    finds has to be the surer. Of codes that differ by more than ``DIFFERENT`` the surer row's
+    stands: the mean of two joints, as of a hinge on the left and one on the right, may be of
+    another kind than both.
     """
     rows, exists = (one["corners"], other["corners"]), (one["exists"], other["exists"])
     i, j, share = _matched(*rows, *exists)
