@@ -463,7 +463,7 @@ MUTANTS = (
     ),
     Mutant(
         "uniart_jax/voxels/front_lines.py",
-        "boards[k] = _boards_of(boards[k], layout.boxes[k], boxes[k])",
+        "boards[part] = _boards_of(boards[part], old, boxes[part])",
         "pass",
         "tests/voxels/test_front_lines.py::test_a_hinge_and_boards_go_with_their_door",
     ),
@@ -473,5 +473,17 @@ MUTANTS = (
         "batch",
         "tests/data/test_layout_batches.py"
         "::test_one_batch_of_several_has_legs_panels_and_boards",
+    ),
+    Mutant(
+        "uniart_jax/voxels/front_lines.py",
+        "if not (shared > COVERED).all(1).any():",
+        "if True:",
+        "tests/voxels/test_front_lines.py::test_what_is_behind_a_front_is_none",
+    ),
+    Mutant(
+        "uniart_jax/training/step.py",
+        "mask = frozen_mask(state.params, (*freeze, *idle(micro)))",
+        "mask = frozen_mask(state.params, freeze)",
+        "tests/training/test_state.py::test_momentum_does_not_move_what_a_batch_does_not_read[2.0]",
     ),
 )  # fmt: skip
