@@ -452,7 +452,8 @@ MUTANTS = (
         "uniart_jax/inference/layouts.py",
         "turned = np.where(differ, share > 0.5, share)",
         "turned = share",
-        "tests/inference/test_layout_predictor.py::test_joints_that_differ_are_not_averaged[1.0-True]",
+        "tests/inference/test_layout_predictor.py"
+        "::test_joints_that_differ_are_not_averaged[1.0-True]",
     ),
     Mutant(
         "uniart_jax/voxels/front_lines.py",
