@@ -10,12 +10,13 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import optax
 import pytest
 
 from uniart_jax import procedural
-from uniart_jax.config import StageConfig
+from uniart_jax.config import StageConfig, load_config
 from uniart_jax.data.cameras import mirror_camera_codes
 from uniart_jax.data.layouts import COLUMNS, LayoutSettings, make_item
 from uniart_jax.data.mirror import (
@@ -25,8 +26,10 @@ from uniart_jax.data.mirror import (
     mirror_images,
     mirror_legs,
 )
+from uniart_jax.models.network import build
 from uniart_jax.training.state import frozen_mask, make_optimizer
 from uniart_jax.voxels.part_table import ROWS, PartTable
+from uniart_jax.voxels.typed_batches import LayoutBatch
 from uniart_jax.voxels.voxelize import voxelize
 
 ROOT = Path(__file__).parent.parent
@@ -256,6 +259,42 @@ def test_the_refiner_learns_in_one_of_a_few_steps_of_the_flow(pool_tools):
     given.refine_every, given.refine_channels = 1, 8
     assert list(tool.due_steps("structure_flow", given)) == ["structure_flow"]
     assert [s for s in range(9) if tool.due_steps("mask", given)["mask"](s)] == [0, 4, 8]
+
+
+@pytest.mark.parametrize(("items", "looked_at"), [(1, 1), (4, 2), (10, 4)])
+def test_the_layout_network_looks_at_those_pictures_whose_layouts_are_shown(
+    pool_tools, items, looked_at
+):
+    """Two in five, one at least; traced, not run."""
+    config, seen = load_config("nano"), []
+    names = ("structure_flow", "image_encoder", "structure_vae", "layout")
+    nets = {name: build(name, config.model) for name in names}
+    params = {name: net.abstract() for name, net in nets.items()}
+
+    def apply(params, image, **given):
+        seen.append(len(image))
+        return nets["layout"].apply(params, image, **given)
+
+    def floats(*shape, dtype=jnp.float32):
+        return jax.ShapeDtypeStruct((items, *shape), dtype)
+
+    layout = LayoutBatch(
+        image=floats(256, 256, 3),
+        camera=floats(7),
+        boxes=floats(16, 6),
+        codes=floats(16, 9),
+        parents=floats(16, dtype=jnp.int32),
+        colors=floats(16, 3),
+        part_counts=floats(dtype=jnp.int32),
+    )
+    batch = pool_tools.device.PoolBatch(layout, layout.image, floats(32, 32, 32, dtype=bool))
+    statistics = np.zeros(config.model.structure_vae.latent_channels), np.float32(1)
+    loss = pool_tools.device.make_structure_loss(
+        nets | {"layout": SimpleNamespace(apply=apply)}, config, statistics
+    )
+    frozen = tuple(params[name] for name in names[1:])
+    value, terms = jax.eval_shape(loss, params[names[0]], batch, jax.random.key(0), frozen)
+    assert seen == [looked_at] and value.shape == () and {"iou", "refined"} < {*terms}
 
 
 def test_legs_panels_and_boards_are_learned_in_one_of_a_few_steps(pool_tools):
