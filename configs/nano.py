@@ -8,7 +8,7 @@ Hardware and time: two CPU cores, about six hours with the making of records; or
     one piece. A refiner that is trained so little, on layouts that are not found, may not help.
 Result: layouts of 128 held-out objects, parts right .81 [.76, .86], moving parts found .93,
     count .65 (uniart evaluate layout --checkpoint nano).
-Each network's training, what was tried and left, and all figures: docs/model_card.md.
+Each training: docs/training_history.md; figures: docs/model_card.md.
 """
 
 import dataclasses

@@ -23,7 +23,7 @@ borders; but a voxel also lies somewhere, and a part that does not reach there i
 
 The constants were chosen on 28 procedural objects of validation seeds, through the UniArt VAE and
 on a flow's output. What they give on others: the rows "vae" and "latent_flow" of ``uniart evaluate
-procedural`` (docs/model_card.md).
+procedural`` (docs/training_history.md).
 """
 
 from __future__ import annotations
