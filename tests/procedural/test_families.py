@@ -19,6 +19,7 @@ from uniart_jax.procedural import (
     EVERYDAY_FAMILIES,
     FAMILIES,
     HELD_OUT_SEED,
+    WORLDS,
     box_separation,
     draw,
     generate,
@@ -154,6 +155,13 @@ def test_every_joint_type_of_appliances_and_depth_three():
         deepest = max(deepest, *depth.values())
     assert {"revolute", "prismatic", "continuous"} <= found
     assert deepest >= 3
+
+
+def test_fronts_that_do_not_fit_inside_their_bays_lie_on_the_case():
+    obj = draw(10_029_662, WORLDS["everyday"])  # a bay that is narrower than the air of its door
+    assert [part.name for part in obj.parts] == ["body", "door"]
+    body, door = (np.ptp(part.mesh.vertices, axis=0) for part in obj.parts)
+    assert 0.3 * body[1] < door[1] < 0.5 * body[1]  # one of two columns
 
 
 def test_unknown_family_and_negative_seed():

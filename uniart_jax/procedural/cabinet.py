@@ -152,16 +152,16 @@ class Case:
         self, rng: np.random.Generator, asm: Assembly, root: int, look: FrontStyle, fit: Fit
     ) -> None:
         """Add the doors, flaps and drawers of all cells as children of part ``root``."""
+        fronts = [cell for cell in self.cells if cell.kind not in ("open", "blank")]
+        if fit.inset and min((self._room(cell, look) for cell in fronts), default=1.0) <= 0:
+            fit = dataclasses.replace(fit, inset=False, reveal=0.0)
         for i, cell in enumerate(self.cells):
             if cell.kind in ("open", "blank"):
                 continue
             bay_lo, bay_hi = self.bay(cell)
             thick = look.thickness
             if fit.inset:
-                size = min(bay_hi[1] - bay_lo[1], bay_hi[2] - bay_lo[2])
-                # the far corner of what turns sweeps a wider arc
-                arc = 0.0 if cell.kind == "drawer" else thick**2 / size
-                air = max(0.003, 0.3 * look.unit) + arc
+                air = self._air(cell, look)
                 lo = np.array([self.front, bay_lo[1] + air, bay_lo[2] + air])
                 hi = np.array([self.front + thick, bay_hi[1] - air, bay_hi[2] - air])
             else:
@@ -195,6 +195,21 @@ class Case:
                 add_door(asm, root, lo, hi, edge, angle, look, inset=fit.inset, beyond=beyond)
             if cell.trays:
                 self._add_trays(rng, asm, root, cell, look, fit)
+
+    def _air(self, cell: Cell, look: FrontStyle) -> float:
+        """Between a bay and a front inside it, metres: the far corner of what turns sweeps a wider
+        arc."""
+        arc = 0.0 if cell.kind == "drawer" else look.thickness**2 / max(self._smaller(cell), 1e-3)
+        return max(0.003, 0.3 * look.unit) + arc
+
+    def _room(self, cell: Cell, look: FrontStyle) -> float:
+        """Smaller side of a front inside a cell's bay, metres; 0 and less where none fits."""
+        return self._smaller(cell) - 2 * self._air(cell, look)
+
+    def _smaller(self, cell: Cell) -> float:
+        """Smaller side of a bay's opening, metres."""
+        lo, hi = self.bay(cell)
+        return float((hi - lo)[1:].min())
 
     def _add_trays(
         self,
