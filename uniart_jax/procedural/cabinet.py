@@ -153,7 +153,7 @@ class Case:
     ) -> None:
         """Add the doors, flaps and drawers of all cells as children of part ``root``."""
         fronts = [cell for cell in self.cells if cell.kind not in ("open", "blank")]
-        if fit.inset and min((self._room(cell, look) for cell in fronts), default=1.0) <= 0:
+        if fit.inset and min((self._room(cell, look, fit) for cell in fronts), default=1.0) <= 0:
             fit = dataclasses.replace(fit, inset=False, reveal=0.0)
         for i, cell in enumerate(self.cells):
             if cell.kind in ("open", "blank"):
@@ -202,9 +202,11 @@ class Case:
         arc = 0.0 if cell.kind == "drawer" else look.thickness**2 / max(self._smaller(cell), 1e-3)
         return max(0.003, 0.3 * look.unit) + arc
 
-    def _room(self, cell: Cell, look: FrontStyle) -> float:
-        """Smaller side of a front inside a cell's bay, metres; 0 and less where none fits."""
-        return self._smaller(cell) - 2 * self._air(cell, look)
+    def _room(self, cell: Cell, look: FrontStyle, fit: Fit) -> float:
+        """Smaller side of the fronts inside a cell's bay, metres; 0 and less where none fit."""
+        (_, y, z), air = np.subtract(*self.bay(cell)[::-1]), 2 * self._air(cell, look)
+        seam = fit.seam if cell.kind == "double" else 0.0
+        return float(min(y - air - seam, z - air))
 
     def _smaller(self, cell: Cell) -> float:
         """Smaller side of a bay's opening, metres."""
