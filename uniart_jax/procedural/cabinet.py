@@ -153,7 +153,7 @@ class Case:
     ) -> None:
         """Add the doors, flaps and drawers of all cells as children of part ``root``."""
         fronts = [cell for cell in self.cells if cell.kind not in ("open", "blank")]
-        if fit.inset and min((self._room(cell, look, fit) for cell in fronts), default=1.0) <= 0:
+        if fit.inset and not all(self._fits(cell, look, fit) for cell in fronts):
             fit = dataclasses.replace(fit, inset=False, reveal=0.0)
         for i, cell in enumerate(self.cells):
             if cell.kind in ("open", "blank"):
@@ -196,22 +196,23 @@ class Case:
             if cell.trays:
                 self._add_trays(rng, asm, root, cell, look, fit)
 
+    def _opening(self, cell: Cell) -> tuple[float, float]:
+        """Width and height of a bay's opening, metres."""
+        lo, hi = self.bay(cell)
+        return float(hi[1] - lo[1]), float(hi[2] - lo[2])
+
     def _air(self, cell: Cell, look: FrontStyle) -> float:
-        """Between a bay and a front inside it, metres: the far corner of what turns sweeps a wider
-        arc."""
-        arc = 0.0 if cell.kind == "drawer" else look.thickness**2 / max(self._smaller(cell), 1e-3)
+        """Gap between a bay and a front inside it, metres: the far corner of what turns sweeps a
+        wider arc."""
+        smaller = max(min(self._opening(cell)), 1e-3)
+        arc = 0.0 if cell.kind == "drawer" else look.thickness**2 / smaller
         return max(0.003, 0.3 * look.unit) + arc
 
-    def _room(self, cell: Cell, look: FrontStyle, fit: Fit) -> float:
-        """Smaller side of the fronts inside a cell's bay, metres; 0 and less where none fit."""
-        (_, y, z), air = np.subtract(*self.bay(cell)[::-1]), 2 * self._air(cell, look)
+    def _fits(self, cell: Cell, look: FrontStyle, fit: Fit) -> bool:
+        """Whether the fronts of a cell have room inside its bay."""
+        width, height = self._opening(cell)
         seam = fit.seam if cell.kind == "double" else 0.0
-        return float(min(y - air - seam, z - air))
-
-    def _smaller(self, cell: Cell) -> float:
-        """Smaller side of a bay's opening, metres."""
-        lo, hi = self.bay(cell)
-        return float((hi - lo)[1:].min())
+        return min(width - seam, height) > 2 * self._air(cell, look)
 
     def _add_trays(
         self,
