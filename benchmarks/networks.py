@@ -91,30 +91,29 @@ def case(name: str, model: ModelConfig, items: int):
     tokens = normal(items, side**2, e.width)
     volume = normal(items, *[e.volume_resolution] * 3, e.volume_channels + 3)
     t = jax.random.uniform(key, (items * draws,))
+    side = e.image_size // e.stem_stride
+    cameras = jnp.broadcast_to(jnp.asarray(TYPICAL), (items, 1, len(TYPICAL)))
+    views, layout = (normal(items, 1, side, side, pixel_width(e)), cameras), layouts(model, items)
     if name == "structure_flow":
         s = model.structure_vae
         side = model.grid.resolution // s.patch_size // 2 ** (len(s.channels) - 1)
         x = normal(items * draws, side, side, side, s.latent_channels)
 
-        def structure_loss(p, x, t, tokens, volume, layout):
-            return mean_square(network.apply(p, x, t, tokens, volume, layout=layout))
+        def structure_loss(p, x, t, tokens, volume, views, layout):
+            return mean_square(network.apply(p, x, t, tokens, volume, views=views, layout=layout))
 
-        return network, structure_loss, (x, t, tokens, volume, layouts(model, items))
+        return network, structure_loss, (x, t, tokens, volume, views, layout)
     batch = voxel_batch(model, items, width, count)
     plan = jax.tree.map(
         jnp.asarray, flow_plan(batch.coords, batch.counts, model.latent_flow, model.grid)
     )
     x = normal(items * draws, width, model.uniart_vae.latent_channels)
     coords, counts = jnp.asarray(batch.coords), jnp.asarray(batch.counts)
-    side = e.image_size // e.stem_stride
-    cameras = jnp.broadcast_to(jnp.asarray(TYPICAL), (items, 1, len(TYPICAL)))
-    views = normal(items, 1, side, side, pixel_width(e)), cameras
 
     def loss(p, x, t, tokens, volume, views, layout, coords, counts, plan):
         given = {"views": views, "layout": layout, "coords": coords, "counts": counts, "plan": plan}
         return mean_square(network.apply(p, x, t, tokens, volume, **given))
 
-    layout = layouts(model, items)
     return network, loss, (x, t, tokens, volume, views, layout, coords, counts, plan)
 
 

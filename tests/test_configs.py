@@ -51,7 +51,9 @@ def test_the_networks_of_a_config_fit_each_other(path):
         shape(2, n, 3),
         shape(2, dtype="int32"),
     )
-    given = {"layout": layout} if model.structure_flow.layout_channels else {}
+    views = (shape(2, 1, *image[n].shape[1:]) for n in ("pixels", "camera") if n in image)
+    views = tuple(views) or (None, None)
+    given = {"layout": layout, "views": views} if model.structure_flow.layout_channels else {}
     v = outputs(networks["structure_flow"], encoded["latent"], shape(2), tokens, volume, **given)
     assert v.shape == encoded["latent"].shape
 
@@ -85,7 +87,7 @@ def test_the_networks_of_a_config_fit_each_other(path):
     plan = flow_plan(coords, counts, model.latent_flow, grid)
     voxels = {"coords": coords, "counts": counts, "plan": plan}
     if model.latent_flow.pixel_channels:
-        voxels["views"] = tuple(shape(2, 1, *image[n].shape[1:]) for n in ("pixels", "camera"))
+        voxels["views"] = views
     if model.latent_flow.layout_channels:
         voxels["layout"] = layout
     v = outputs(networks["latent_flow"], out["latent"], shape(2), tokens, volume, **voxels)

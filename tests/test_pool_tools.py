@@ -2,6 +2,7 @@
 runs on."""
 
 import argparse
+import dataclasses
 import importlib
 import os
 import runpy
@@ -81,7 +82,7 @@ def test_the_pools_mirror_is_that_of_records(pool_tools, pool_rows):
     run = jax.jit(pool_tools.device.prepared)
     out = jax.device_get(run(rows, jax.random.key(2), True))
     plain = jax.device_get(run(rows, jax.random.key(2), False))
-    flipped, photos = 0, 0
+    flipped, photos, looked = 0, 0, 0
     for b in range(len(rows["boxes"])):
         cells = plain.occupancy[b]
         mirrored = not np.allclose(out.layout.boxes[b], rows["boxes"][b])
@@ -107,7 +108,12 @@ def test_the_pools_mirror_is_that_of_records(pool_tools, pool_rows):
         if not taken:
             assert ((out.layout.image[b] > 0) == (image > 0)).mean() > 0.99  # black stays
             np.testing.assert_allclose(out.flow_image[b], image, atol=1e-6)
-    assert 0 < flipped < len(rows["boxes"]) and 0 < photos < len(rows["boxes"])
+        seen = np.allclose(out.flow_image[b], photo, atol=1e-6)
+        looked += seen
+        camera = rows["photo_cameras" if seen else "cameras"][b]
+        camera = mirror_camera_codes(camera) if mirrored else camera
+        np.testing.assert_allclose(out.flow_camera[b], camera, atol=1e-6)
+    assert all(0 < number < len(rows["boxes"]) for number in (flipped, photos, looked))
     np.testing.assert_array_equal(plain.layout.image, plain.flow_image)
     np.testing.assert_allclose(plain.flow_image, rows["images"] / np.float32(255), atol=1e-6)
 
@@ -267,6 +273,10 @@ def test_the_layout_network_looks_at_those_pictures_whose_layouts_are_shown(
 ):
     """Two in five, one at least; traced, not run."""
     config, seen = load_config("nano"), []
+    flow = dataclasses.replace(config.model.structure_flow, pixel_channels=4)
+    config = dataclasses.replace(
+        config, model=dataclasses.replace(config.model, structure_flow=flow)
+    )
     names = ("structure_flow", "image_encoder", "structure_vae", "layout")
     nets = {name: build(name, config.model) for name in names}
     params = {name: net.abstract() for name, net in nets.items()}
@@ -287,7 +297,8 @@ def test_the_layout_network_looks_at_those_pictures_whose_layouts_are_shown(
         colors=floats(16, 3),
         part_counts=floats(dtype=jnp.int32),
     )
-    batch = pool_tools.device.PoolBatch(layout, layout.image, floats(32, 32, 32, dtype=bool))
+    voxels = floats(32, 32, 32, dtype=bool)
+    batch = pool_tools.device.PoolBatch(layout, layout.image, layout.camera, voxels)
     statistics = np.zeros(config.model.structure_vae.latent_channels), np.float32(1)
     loss = pool_tools.device.make_structure_loss(
         nets | {"layout": SimpleNamespace(apply=apply)}, config, statistics
@@ -295,6 +306,16 @@ def test_the_layout_network_looks_at_those_pictures_whose_layouts_are_shown(
     frozen = tuple(params[name] for name in names[1:])
     value, terms = jax.eval_shape(loss, params[names[0]], batch, jax.random.key(0), frozen)
     assert seen == [looked_at] and value.shape == () and {"iou", "refined"} < {*terms}
+
+
+def test_the_pools_cameras_are_a_little_off_some_more(pool_tools):
+    true = np.tile(np.float32([0.6, 0.8, 0.4, 1.6, 0.3, 0.1, 0.0]), (2000, 1))
+    off = np.abs(pool_tools.device.cameras_with_errors(true, jax.random.key(0)) - true)
+    scale = np.array(pool_tools.device.CAMERA_ERRORS)
+    np.testing.assert_allclose(np.median(off, 0), 0.55 * scale, rtol=0.15)
+    assert (off.max(0) > 8 * scale).all()
+    items = np.median(off / scale, 1)  # an object is off in all or in nothing
+    assert np.quantile(items, 0.95) > 5 * np.quantile(items, 0.2)
 
 
 def test_legs_panels_and_boards_are_learned_in_one_of_a_few_steps(pool_tools):

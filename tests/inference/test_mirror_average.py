@@ -10,13 +10,16 @@ from drawn import parameters as parameters_of
 
 from uniart_jax.cli import load_config
 from uniart_jax.config import NETWORKS
+from uniart_jax.data.cameras import mirror_camera_codes
 from uniart_jax.data.mirror import mirror_coords, mirror_dense, mirror_subcells
 from uniart_jax.inference.mirror_average import encode_views, find_grid, find_voxels
+from uniart_jax.inference.samplers import with_first_cameras
 from uniart_jax.models.network import build
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.pipeline import Pipeline
 from uniart_jax.voxels.grid import occupancy
 from uniart_jax.voxels.layout import Layout
+from uniart_jax.voxels.typed_batches import Condition
 
 ROOT = Path(__file__).parent.parent.parent
 KEY = jax.random.key(0)
@@ -98,6 +101,42 @@ def test_a_mirrored_picture_gives_the_mirror_image(pipeline, pixels):
     )
     assert np.abs(once.sdf - here.sdf).max() > 0.01
     np.testing.assert_array_equal(once.own_box, here.own_box)
+
+
+def test_the_layouts_camera_takes_the_place_of_the_first_views_estimate(pipeline, pixels):
+    asked = options(pipeline)
+    estimated = encode_views(pipeline, pixels, layout(0.2), *asked)
+    camera = np.array([0.6, 0.8, 0.4, 1.6, 0.3, 0.05, -0.02])
+    known = dataclasses.replace(layout(0.2), camera=camera)
+    same = encode_views(pipeline, pixels, known, *asked)  # a flow that reads no pixels
+    for found, plain in zip(same, estimated, strict=True):
+        np.testing.assert_array_equal(found.cameras, plain.cameras)
+    model = pipeline.config.model
+    flow = dataclasses.replace(model.structure_flow, pixel_channels=2, layout_channels=0)
+    model = dataclasses.replace(model, structure_flow=flow)
+    reads = Pipeline(
+        dataclasses.replace(pipeline.config, model=model), pipeline.parameters, pipeline.statistics
+    )
+    seen = encode_views(reads, pixels, known, *asked)
+    for condition, code, plain in (
+        (seen.original, camera, estimated.original),
+        (seen.mirrored, mirror_camera_codes(camera[None])[0], estimated.mirrored),
+    ):
+        np.testing.assert_allclose(condition.cameras[0, 0], code, atol=1e-6)
+        np.testing.assert_array_equal(condition.cameras[0, 1], plain.cameras[0, 1])
+        assert np.abs(plain.cameras[0, 0] - code).max() > 0.01
+
+
+def test_cameras_are_put_in_where_an_item_has_one():
+    cameras = np.zeros((3, 2, 7), np.float32)
+    given = [None, np.arange(7.0), None]
+    seen = with_first_cameras(Condition(np.zeros((3, 1, 1)), cameras=cameras), given)
+    expected = cameras.copy()
+    expected[1, 0] = given[1]
+    np.testing.assert_array_equal(seen.cameras, expected)
+    assert not cameras.any()
+    without = Condition(np.zeros((3, 1, 1)))
+    assert with_first_cameras(without, given) is without
 
 
 def test_samples_of_several_steps_are_looked_at_once(pipeline, pixels):

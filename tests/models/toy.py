@@ -137,7 +137,7 @@ def flow_arguments(draws=1, seed=0):
 
 
 def flow_views(views=2, seed=0):
-    """Maps and cameras that the latent flow reads (``pixel_channels``) of two items."""
+    """Maps and cameras that flows read (``pixel_channels``) of two items."""
     rng = np.random.default_rng(seed)
     maps = rng.normal(size=(2, views, 8, 8, pixel_width(MODEL.image_encoder)))
     cameras = np.array(TYPICAL) + rng.normal(0, 0.1, (2, views, 7))

@@ -310,6 +310,7 @@ def test_boards_of_a_network_are_those_of_parts_that_move_and_are_not_narrow():
         (lambda d: d["parts"][1]["joint"].update(angle=[0.5, 1.0]), "part 1: joint"),
         (lambda d: d["parts"][1].update(confidence=2), "part 1: confidence"),
         (lambda d: d["parts"].clear(), "parts"),
+        (lambda d: d.update(camera=[0] * 7), "camera's first two numbers"),
         (lambda d: d.update(legs={"rows": [{}]}), "leg 0: lower must be 4 numbers"),
         (lambda d: d.update(panels={"rows": [{}]}), "panel 0: lower must be 3 numbers"),
         (

@@ -186,7 +186,8 @@ class FlowConfig:
     voxel's own noisy latent. ``volume_channels``: the first so many of the image encoder's volume
     (its features, then 3 of colour) added to the tokens they are aligned with; 0 = none (TRELLIS).
     ``pixel_channels``: width of what each voxel reads off the pictures where the camera sees it
-    (``nn.lifting.read_pixels``); latent flow of stem 'patch'; 0 = none. ``layout_channels``: width
+    (``nn.lifting.read_pixels``; latent flow of stem 'patch') or each point of a grid twice as fine
+    as the latent (``models.grid_pixels``; structure flow); 0 = none. ``layout_channels``: width
     of what each voxel (structure flow: each cell of its latent) sees of a layout
     (``models.layout_features``); latent flow of stem 'patch'; 0 = none (TRELLIS).
     ``refine_channels``: structure flow: width of a refiner of what the structure VAE decodes, at

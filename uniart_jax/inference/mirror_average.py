@@ -15,6 +15,7 @@ import jax
 import numpy as np
 
 from uniart_jax.config import LatentSampleConfig, StructureSampleConfig
+from uniart_jax.data.cameras import mirror_camera_codes
 from uniart_jax.data.mirror import (
     mirror_coords,
     mirror_dense,
@@ -24,7 +25,7 @@ from uniart_jax.data.mirror import (
 )
 from uniart_jax.flow.solvers import Solution
 from uniart_jax.inference.networks import Networks
-from uniart_jax.inference.samplers import join_views
+from uniart_jax.inference.samplers import join_views, with_first_cameras
 from uniart_jax.voxels.grid import VoxelGrid, smoothed
 from uniart_jax.voxels.layout import Layout
 from uniart_jax.voxels.typed_batches import Condition
@@ -54,6 +55,9 @@ def encode_views(
     mirrored = encode(np.ascontiguousarray(mirror_images(pixels)))
     table = original.layout
     mirrored = mirrored._replace(layout=None if table is None else mirror_table(table))
+    (camera,) = networks.cameras_of([layout])
+    if camera is not None:
+        mirrored = with_first_cameras(mirrored, [mirror_camera_codes(camera)])
     return ImageConditions(original, mirrored)
 
 

@@ -35,7 +35,8 @@ def make_conditioner(model: ModelConfig) -> Callable[..., Condition]:
     """Jitted (image encoder's params, images [B, S, S, 3] in [0, 1]) -> what the flows see of
     them."""
     network = build("image_encoder", model)
-    closely = model.latent_flow.pixel_channels + model.structure_flow.refine_channels > 0
+    flow = model.structure_flow
+    closely = model.latent_flow.pixel_channels + flow.pixel_channels + flow.refine_channels > 0
 
     @jax.jit
     def run(params, images):
@@ -116,7 +117,7 @@ def make_structure_sampler(model: ModelConfig, options: SampleConfig) -> Callabl
         )
 
         def velocity(x, t, seen):
-            return network.apply(params, x, t, seen.tokens, seen.volume, layout=seen.layout)
+            return network.apply(params, x, t, seen.tokens, seen.volume, **seen_arguments(seen))
 
         nothing = jax.tree.map(jnp.zeros_like, condition)
         guided = guide(velocity, condition, nothing, options.guidance, options.guidance_interval)
@@ -206,6 +207,11 @@ def flow_inputs(coords: np.ndarray, counts: np.ndarray, model: ModelConfig) -> V
     return VoxelBatch(coords, counts, plans={"flow": plan})
 
 
+def seen_arguments(seen: Condition) -> dict[str, Any]:
+    """What both flows see beside tokens and volume, by name."""
+    return {"views": (seen.pixels, seen.cameras), "layout": seen.layout}
+
+
 def flow_arguments(voxels: VoxelBatch, seen: Condition) -> dict[str, Any]:
     """The latent flow's arguments by name: the voxels, and what it sees of images beside tokens and
     volume."""
@@ -213,8 +219,7 @@ def flow_arguments(voxels: VoxelBatch, seen: Condition) -> dict[str, Any]:
         "coords": voxels.coords,
         "counts": voxels.counts,
         "plan": voxels.plans["flow"],
-        "views": (seen.pixels, seen.cameras),
-        "layout": seen.layout,
+        **seen_arguments(seen),
     }
 
 
@@ -225,3 +230,15 @@ def join_views(condition: Condition, items: int = 1) -> Condition:
     mean = None if volume is None else volume.reshape(items, -1, *volume.shape[1:]).mean(1)
     pixels, cameras = (None if v is None else v.reshape(items, -1, *v.shape[2:]) for v in views)
     return Condition(tokens.reshape(items, -1, tokens.shape[-1]), mean, pixels, cameras)
+
+
+def with_first_cameras(condition: Condition, cameras: Sequence[np.ndarray | None]) -> Condition:
+    """The condition of B items with camera codes [7] of their first views, where one is given, in
+    place of the image encoder's estimates."""
+    if condition.cameras is None:
+        return condition
+    codes = np.array(condition.cameras)
+    for item, camera in zip(codes, cameras, strict=True):
+        if camera is not None:
+            item[0] = camera
+    return condition._replace(cameras=codes)

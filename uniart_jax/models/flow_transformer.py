@@ -2,9 +2,10 @@
 
 Upstream: TRELLIS ``models/sparse_structure_flow.py`` and ``models/structured_latent_flow.py``.
 Ours, as config options: a 'patch' stem that makes one token of a cube of voxels, features of the
-image encoder's volume added to the tokens that they are aligned with, pixels that each voxel reads
-where the camera sees it, what each voxel or cell sees of a layout (``models.layout_features``), and
-prediction of the clean sample instead of the velocity.
+image encoder's volume added to the tokens that they are aligned with, pixels that each voxel
+(structure flow: each cell, ``models.grid_pixels``) reads where the camera sees it, what each voxel
+or cell sees of a layout (``models.layout_features``), and prediction of the clean sample instead of
+the velocity.
 
 A call may carry several noise draws per image: x has n times the context's batch, item-major, and
 shares its image's condition.
@@ -21,6 +22,7 @@ from flax import nnx
 
 from uniart_jax.config import ModelConfig
 from uniart_jax.models.flow_trunk import FlowTrunk, required
+from uniart_jax.models.grid_pixels import GridPixels
 from uniart_jax.models.image_encoder import pixel_width
 from uniart_jax.models.occupancy_refiner import OccupancyRefiner
 from uniart_jax.nn.blocks import (
@@ -47,6 +49,8 @@ from uniart_jax.nn.pooling import (
 from uniart_jax.nn.precision import compute_dtype
 from uniart_jax.voxels.part_table import PartTable
 
+Views = tuple[jax.Array | None, jax.Array | None]  # maps and cameras, of a Condition
+
 
 class StructureFlow(FlowTrunk):
     """Velocity of the dense structure latent."""
@@ -56,10 +60,6 @@ class StructureFlow(FlowTrunk):
         s = config.structure_vae
         latent_side = config.grid.resolution // s.patch_size // 2 ** (len(s.channels) - 1)
         channels = s.latent_channels * c.patch_size**3
-        if c.pixel_channels:
-            raise ValueError(
-                "structure_flow: pixel_channels belongs to the latent flow; set it to 0"
-            )
         self.make_trunk(c, config, latent_side // c.patch_size, rngs)
         if p := c.layout_channels:
             self.latent_side = latent_side
@@ -67,6 +67,12 @@ class StructureFlow(FlowTrunk):
             self.cell_in = linear(2 * s.latent_channels, p, rngs, dtype=dtype)
             self.cell_hidden = linear(p, p, rngs, dtype=dtype)
             self.cell_out = linear(p, s.latent_channels, rngs, init=zeros)
+        if c.pixel_channels:
+            self.grid_pixels = GridPixels(c.pixel_channels, latent_side, config, rngs, dtype)
+            width, cells = self.grid_pixels.width, c.patch_size**3
+            self.pixel_cube = linear(cells * width, c.model_channels, rngs, init=zeros, dtype=dtype)
+            if c.layout_channels:
+                self.pixel_cell = linear(width, c.layout_channels, rngs, init=zeros, dtype=dtype)
         self.input_layer = linear(channels, c.model_channels, rngs, dtype=dtype)
         self.out_layer = linear(c.model_channels, channels, rngs, init=zeros)
         self.pos_emb = nnx.Param(self._computed_positions()) if c.position_table else None
@@ -89,15 +95,26 @@ class StructureFlow(FlowTrunk):
         tokens: jax.Array,
         volume: jax.Array | None = None,
         *,
+        views: Views = (None, None),
         layout: PartTable | None = None,
     ) -> jax.Array:
-        """Velocity at x [B, r, r, r, C] and time t [B] in [0, 1], given tokens [B / n, M, D'],
-        volume [B / n, Rv, Rv, Rv, C'] and, with ``layout_channels``, layout [B / n, ...]."""
+        """Velocity at x [B, r, r, r, C] and time t [B] in [0, 1].
+
+        Args:
+          tokens: [B / n, M, D']. volume: [B / n, Rv, Rv, Rv, C'].
+          views: with ``pixel_channels``, maps [B / n, N, S, S, C''] and cameras [B / n, N, 7] of N
+            pictures.
+          layout: [B / n, ...], with ``layout_channels``.
+        """
         seen, draws = self.see(x, t), x.shape[0] // tokens.shape[0]
         h = self.input_layer(_patchify(seen, self.config.patch_size))
         parts = self._see_cells(layout, draws)
         if parts is not None:
             h = h + self.layout_cube(_patchify(parts, self.config.patch_size))
+        if self.config.pixel_channels:
+            read = jnp.repeat(self.read_pictures(*views), draws, axis=0)
+            h = h + self.pixel_cube(_patchify(read, self.config.patch_size))
+            parts = None if parts is None else parts + self.pixel_cell(read)
         h = h + self.position_embedding().astype(h.dtype)
         if self.config.volume_channels:
             volume = required(volume, "volume_channels", "volume")
@@ -131,6 +148,10 @@ class StructureFlow(FlowTrunk):
         if self.config.layout_channels:
             layout = required(layout, "layout_channels", "layout", "the part table of a")
         return self.refiner(logits, pixels, required(cameras, "refine_channels", "cameras"), layout)
+
+    def read_pictures(self, pixels: jax.Array | None, cameras: jax.Array | None) -> jax.Array:
+        """What the latent's cells read in N pictures (``GridPixels``): [B, r, r, r, C]."""
+        return self.grid_pixels(*_required_views((pixels, cameras)))
 
     def _see_cells(self, layout: PartTable | None, draws: int) -> Any:
         """[B, r, r, r, layout_channels] of the latent's cells; None without ``layout_channels``."""
@@ -250,7 +271,7 @@ class LatentFlow(FlowTrunk):
         tokens: jax.Array,
         volume: jax.Array | None = None,
         *,
-        views: tuple[jax.Array | None, jax.Array | None] = (None, None),
+        views: Views = (None, None),
         layout: PartTable | None = None,
         coords: jax.Array,
         counts: jax.Array,
@@ -299,12 +320,7 @@ class LatentFlow(FlowTrunk):
         without ``pixel_channels``."""
         if not self.config.pixel_channels:
             return None
-        if any(v is None for v in views):
-            raise ValueError(
-                "latent_flow: this model reads pictures (pixel_channels > 0); pass views=(pixels, "
-                "cameras), of the Condition that encode_images gives"
-            )
-        pixels, cameras = views
+        pixels, cameras = views = _required_views(views)
         if shared % draws:  # one picture's draws are on voxels of their own
             pixels, cameras = (jnp.repeat(v, draws, axis=0) for v in views)
             draws = 1
@@ -356,6 +372,16 @@ class LatentFlow(FlowTrunk):
                 jnp.concatenate([h, skip], -1) if self.config.use_skip_connection else h, time, plan
             )
         return self.out_layer(layer_norm(h.astype(jnp.float32), 1e-5))
+
+
+def _required_views(views: Views) -> tuple[jax.Array, jax.Array]:
+    pixels, cameras = views
+    if pixels is None or cameras is None:
+        raise ValueError(
+            "flow: this model reads pictures (pixel_channels > 0); pass views=(pixels, cameras), "
+            "of the Condition that encode_images gives"
+        )
+    return pixels, cameras
 
 
 def _patchify(x: jax.Array, patch: int) -> jax.Array:

@@ -40,6 +40,7 @@ CAMERA_CODE = (
 TYPICAL = (0.0, 0.87, 0.4, 1.6, 0.33, 0.0, 0.0)
 _HEAD_WIDTH = 64
 _SKETCH_CHANNELS = 64
+_BLACK = -1 + 1 / 255  # of ``ImageEncoder.pixels``: half a step of 8 bits
 _PLACE_CHANNELS = 7  # x, y, depth and the phases of x and y within a map cell
 
 
@@ -199,9 +200,9 @@ class ImageEncoder(nnx.Module):
         return maps[1:]
 
     def pixels(self, image: jax.Array, maps: Sequence[jax.Array]) -> jax.Array:
-        """What voxels may read (``lifting.read_pixels``), [B, S, S, ``pixel_width``]: all stages'
-        maps but the last, each normalised, and the picture itself, at the first stage's
-        resolution."""
+        """What voxels and grids may read (``lifting.read_pixels``, ``models.grid_pixels``), [B, S,
+        S, ``pixel_width``]: all stages' maps but the last, each normalised, and the picture itself,
+        at the first stage's resolution."""
         stride, (items, side, *_) = self.config.stem_stride, maps[0].shape
         blocks = (image * 2 - 1).reshape(items, side, stride, side, stride, 3)
         read = [blocks.transpose(0, 1, 3, 2, 4, 5).reshape(items, side, side, -1)]
@@ -257,6 +258,15 @@ class ImageEncoder(nnx.Module):
 def pixel_width(config: ImageEncoderConfig) -> int:
     """Channels of ``ImageEncoder.pixels``."""
     return 3 * config.stem_stride**2 + sum(config.stem_channels[:-1])
+
+
+def silhouette(pixels: jax.Array, stride: int) -> jax.Array:
+    """Where the picture of ``ImageEncoder.pixels`` [S, S, C] shows something, its background being
+    black: [S stride, S stride, 1] of 0 and 1."""
+    side = len(pixels)
+    colors = pixels[..., : 3 * stride**2].reshape(side, side, stride, stride, 3)
+    shown = (colors.max(-1) > _BLACK).astype(pixels.dtype)
+    return shown.transpose(0, 2, 1, 3).reshape(side * stride, side * stride, 1)
 
 
 def shrink(image: jax.Array, side: int) -> jax.Array:

@@ -14,7 +14,12 @@ import jax.numpy as jnp
 
 from uniart_jax.config import Config
 from uniart_jax.flow.rectified import flow_loss, interpolate, predicted_sample, sample_times
-from uniart_jax.inference.samplers import flow_arguments, join_views, make_structure_sampler
+from uniart_jax.inference.samplers import (
+    flow_arguments,
+    join_views,
+    make_structure_sampler,
+    seen_arguments,
+)
 from uniart_jax.models.network import Network, build
 from uniart_jax.models.voxel_batch import valid_tokens
 from uniart_jax.training.found_layouts import choose
@@ -52,7 +57,7 @@ def with_image_condition(
 
     Args:
       condition: (encoder's parameters, images) -> what the flow sees
-        (``inference.samplers.make_conditioner``).
+        (``inference.samplers.make_conditioner``), through the cameras that the encoder estimates.
       find: (layout network's parameters, images) -> part tables
         (``inference.samplers.make_layout_finder``), shown in place of the batch's own to a
         ``share`` of the items; of several views it looks at the first.
@@ -109,7 +114,7 @@ def make_structure_flow_loss(network: Network, config: Config, mean: Any, std: A
         x0 = jnp.repeat(normalize(batch.structure, mean, std), weights.draws_per_image, axis=0)
         t, noise, seen = sample_noise_and_time(batch.seen, x0, key, config)
         x = interpolate(x0, noise, t)
-        v = network.apply(params, x, t, seen.tokens, seen.volume, layout=seen.layout)
+        v = network.apply(params, x, t, seen.tokens, seen.volume, **seen_arguments(seen))
         error = flow_loss(v, x0, noise)
         loss, metrics = summarize_flow(error, v, x, x0, t, None, flow.prediction)
         if vae is None:

@@ -5,7 +5,7 @@ As JSON (``to_json``, ``from_json``), lengths in object units, angles in radians
 0..1:
 
     {"schema": 1, "frame": "object: z up, front at -x, shown state, longest side 1, centred",
-     "camera": [7] code (``voxels.camera_code``) or null,
+     "camera": [7] code (``voxels.camera_code``) of the picture that is sampled from, or null,
      "parts": [{"name", "parent": row or null, "box": {"center": [3], "size": [3]},
                 "color": [3], "confidence",
                 "joint": {"type", "origin": [3], "direction": [3], "angle": [2], "travel": [2]},
@@ -57,7 +57,7 @@ class Layout:
     Attributes:
       boxes: [K, 6] own boxes, centre and size. joints: K joints; the root's is fixed.
       parents: [K] rows, -1 for the root; in any order. colors: [K, 3] linear RGB in 0..1.
-      confidence: [K] in 0..1. camera: [7] code of the camera, or None.
+      confidence: [K] in 0..1. camera: [7] code of the picture's camera, or None.
       legs: what it stands on, panels: what its body is built of, where that is known. boards: what
         each part is built of; empty, or K, None where that is not known.
     """
@@ -199,6 +199,8 @@ class Layout:
         _check_tree(parents)
         camera = data.get("camera")
         camera = None if camera is None else _numbers(data, "camera", 7, "layout")
+        if camera is not None and not np.any(camera[:2]):
+            raise ValueError("layout: camera's first two numbers, sine and cosine, are both 0")
         return Layout(
             np.array(boxes),
             tuple(joints),

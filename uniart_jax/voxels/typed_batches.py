@@ -104,8 +104,8 @@ class Condition(NamedTuple):
 
     Attributes:
       tokens: L of width D. volume: None where the image encoder has none (DINOv2).
-      pixels, cameras: maps of N views and where they were taken from (``nn.lifting.read_pixels``);
-        None where the flows read none.
+      pixels, cameras: maps of N views and where they were taken from (``nn.lifting.read_pixels``,
+        ``models.grid_pixels``); None where the flows read none.
       layout: that the flows follow; None where they see none.
     """
 
