@@ -79,6 +79,7 @@ def test_views_are_averaged_and_no_picture_is_read_as_zeros(read, params):
     nothing = read(params, pixels, np.zeros_like(cameras))
     np.testing.assert_array_equal(nothing, read(params, np.zeros_like(pixels), 0 * cameras))
     assert np.abs(both - nothing).max() > 1e-3
+    assert not np.asarray(nothing)[..., POINTS**3 * CHANNELS :].any()
 
 
 def test_the_silhouette_is_what_is_not_black():
