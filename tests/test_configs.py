@@ -53,7 +53,7 @@ def test_the_networks_of_a_config_fit_each_other(path):
     )
     views = (shape(2, 1, *image[n].shape[1:]) for n in ("pixels", "camera") if n in image)
     views = tuple(views) or (None, None)
-    given = {"layout": layout, "views": views} if model.structure_flow.layout_channels else {}
+    given = {"views": views} | ({"layout": layout} if model.structure_flow.layout_channels else {})
     v = outputs(networks["structure_flow"], encoded["latent"], shape(2), tokens, volume, **given)
     assert v.shape == encoded["latent"].shape
 

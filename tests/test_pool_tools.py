@@ -267,13 +267,13 @@ def test_the_refiner_learns_in_one_of_a_few_steps_of_the_flow(pool_tools):
     assert [s for s in range(9) if tool.due_steps("mask", given)["mask"](s)] == [0, 4, 8]
 
 
-@pytest.mark.parametrize(("items", "looked_at"), [(1, 1), (4, 2), (10, 4)])
+@pytest.mark.parametrize(("items", "looked_at", "pixels"), [(1, 1, 0), (4, 2, 4), (10, 4, 4)])
 def test_the_layout_network_looks_at_those_pictures_whose_layouts_are_shown(
-    pool_tools, items, looked_at
+    pool_tools, items, looked_at, pixels
 ):
     """Two in five, one at least; traced, not run."""
     config, seen = load_config("nano"), []
-    flow = dataclasses.replace(config.model.structure_flow, pixel_channels=4)
+    flow = dataclasses.replace(config.model.structure_flow, pixel_channels=pixels)
     config = dataclasses.replace(
         config, model=dataclasses.replace(config.model, structure_flow=flow)
     )
@@ -308,7 +308,7 @@ def test_the_layout_network_looks_at_those_pictures_whose_layouts_are_shown(
     assert seen == [looked_at] and value.shape == () and {"iou", "refined"} < {*terms}
 
 
-def test_the_pools_cameras_are_a_little_off_some_more(pool_tools):
+def test_cameras_with_errors_are_mostly_near_and_sometimes_far_off(pool_tools):
     true = np.tile(np.float32([0.6, 0.8, 0.4, 1.6, 0.3, 0.1, 0.0]), (2000, 1))
     off = np.abs(pool_tools.device.cameras_with_errors(true, jax.random.key(0)) - true)
     scale = np.array(pool_tools.device.CAMERA_ERRORS)

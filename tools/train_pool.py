@@ -18,7 +18,9 @@ shown a few times only.
                 and Dice of what the structure VAE decodes of its x_0, and of what the refiner makes
                 of that (in one step of ``--refine-every``: on a CPU it is most of a step's time).
                 Layouts are true, with errors (``data.layout_errors``), absent, or those that the
-                layout network finds in the picture; so are cameras. A step every ``--flow-every``
+                layout network finds in the picture. With ``pixel_channels`` the camera is the true
+                one with errors, the layout network's where the layout is, or the image encoder's
+                where there is no layout. A step every ``--flow-every``
     mask        ``training.mask_loss``, on pictures with backgrounds; a step every ``--mask-every``
 
 Each begins once it is compiled. The learning rates hold for ``HOLD`` of the time and fall to zero
@@ -103,7 +105,7 @@ def main() -> None:
     parser.add_argument("--mask-every", type=int, default=4, help="steps for one of the masks")
     parser.add_argument("--refine-channels", type=int, default=8, help="of the refiner, 0: none")
     parser.add_argument(
-        "--pixel-channels", type=int, help="of what the structure flow reads of a picture (8)"
+        "--pixel-channels", type=int, help="width of what the structure flow reads of pictures"
     )
     parser.add_argument("--repeats", type=int, default=2, help="of the layout network's last layer")
     parser.add_argument("--save", type=float, default=150, help="seconds between two savings")

@@ -13,7 +13,7 @@ from uniart_jax.config import NETWORKS
 from uniart_jax.data.cameras import mirror_camera_codes
 from uniart_jax.data.mirror import mirror_coords, mirror_dense, mirror_subcells
 from uniart_jax.inference.mirror_average import encode_views, find_grid, find_voxels
-from uniart_jax.inference.samplers import with_first_cameras
+from uniart_jax.inference.samplers import with_first_view_cameras
 from uniart_jax.models.network import build
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.pipeline import Pipeline
@@ -130,13 +130,13 @@ def test_the_layouts_camera_takes_the_place_of_the_first_views_estimate(pipeline
 def test_cameras_are_put_in_where_an_item_has_one():
     cameras = np.zeros((3, 2, 7), np.float32)
     given = [None, np.arange(7.0), None]
-    seen = with_first_cameras(Condition(np.zeros((3, 1, 1)), cameras=cameras), given)
+    seen = with_first_view_cameras(Condition(np.zeros((3, 1, 1)), cameras=cameras), given)
     expected = cameras.copy()
     expected[1, 0] = given[1]
     np.testing.assert_array_equal(seen.cameras, expected)
     assert not cameras.any()
     without = Condition(np.zeros((3, 1, 1)))
-    assert with_first_cameras(without, given) is without
+    assert with_first_view_cameras(without, given) is without
 
 
 def test_samples_of_several_steps_are_looked_at_once(pipeline, pixels):

@@ -23,6 +23,7 @@ from uniart_jax.inference.samplers import (
     flow_arguments,
     flow_inputs,
     join_views,
+    make_conditioner,
     make_latent_sampler,
     make_structure_sampler,
     pad_coords,
@@ -145,6 +146,32 @@ def test_padding_does_not_count_as_error():
     n = len(coords[0])
     assert found[0].evaluations.tolist() == found[1].evaluations.tolist()
     np.testing.assert_allclose(found[0].x[0, :n], found[1].x[0, :n], atol=1e-4)
+
+
+def test_the_structure_flow_that_reads_pixels_samples_and_learns_through_the_camera():
+    flow = dataclasses.replace(FLOW, pixel_channels=4)
+    model = dataclasses.replace(MODEL, structure_flow=flow)
+    params = weights("structure_flow", model)
+    side = model.image_encoder.image_size
+    encoder = weights("image_encoder", model)
+    images = rng.random((2, side, side, 3)).astype(np.float32)
+    condition = make_conditioner(model)(encoder, images)
+    maps = condition.pixels, condition.cameras
+    assert [m.shape[:2] for m in maps] == [(2, 1), (2, 1)]
+    condition = seen(2)._replace(pixels=maps[0], cameras=np.array(maps[1]))
+    moved = condition._replace(cameras=condition.cameras + np.float32([0, 0, 0.5, 0, 0, 0, 0]))
+    options = dataclasses.replace(OPTIONS, steps=1)
+    sample = make_structure_sampler(model, options)
+    one, other = (sample(params, PLAIN, c, KEY).x for c in (condition, moved))
+    assert np.abs(one - other).max() > 1e-4
+
+    config = Config(model=model, loss=LossConfig(condition_drop=0.0))
+    loss = jax.jit(make_structure_flow_loss(build("structure_flow", model), config, *PLAIN))
+    structure = rng.normal(size=(2, 4, 4, 4, 3)).astype(np.float32)
+    one, other = (
+        loss(params, StructureBatch(structure, seen=c), KEY)[0] for c in (condition, moved)
+    )
+    assert abs(float(one - other)) > 1e-6
 
 
 def test_guidance_leads_away_from_no_picture_at_all():

@@ -25,7 +25,7 @@ from uniart_jax.data.mirror import (
 )
 from uniart_jax.flow.solvers import Solution
 from uniart_jax.inference.networks import Networks
-from uniart_jax.inference.samplers import join_views, with_first_cameras
+from uniart_jax.inference.samplers import join_views, with_first_view_cameras
 from uniart_jax.voxels.grid import VoxelGrid, smoothed
 from uniart_jax.voxels.layout import Layout
 from uniart_jax.voxels.typed_batches import Condition
@@ -57,7 +57,7 @@ def encode_views(
     mirrored = mirrored._replace(layout=None if table is None else mirror_table(table))
     (camera,) = networks.cameras_of([layout])
     if camera is not None:
-        mirrored = with_first_cameras(mirrored, [mirror_camera_codes(camera)])
+        mirrored = with_first_view_cameras(mirrored, [mirror_camera_codes(camera)])
     return ImageConditions(original, mirrored)
 
 

@@ -31,7 +31,7 @@ from uniart_jax.inference.samplers import (
     make_structure_decoder,
     make_structure_sampler,
     pad_coords,
-    with_first_cameras,
+    with_first_view_cameras,
 )
 from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.gaussian_decoder import gaussian_parameters
@@ -86,15 +86,15 @@ class Networks:
         (``FlowConfig.layout_channels``), and their cameras (``cameras_of``); None: flows are to do
         without."""
         model = self.config.model
-        condition = with_first_cameras(condition, self.cameras_of(layouts))
+        condition = with_first_view_cameras(condition, self.cameras_of(layouts))
         if not (model.structure_flow.layout_channels or model.latent_flow.layout_channels):
             return condition
         return condition._replace(layout=self.part_table(layouts, len(condition.tokens)))
 
     def cameras_of(self, layouts: Sequence[Layout | None]) -> list[np.ndarray | None]:
         """Camera codes [7] through which flows see the first view of each image in place of the
-        image encoder's estimate: the layouts', for a structure flow that reads pixels; others were
-        trained on estimates."""
+        image encoder's estimate: the layouts', where the structure flow reads pixels. The latent
+        flow then reads through them too, also one that was trained on estimates."""
         reads = self.config.model.structure_flow.pixel_channels > 0
         return [one.camera if reads and one is not None else None for one in layouts]
 

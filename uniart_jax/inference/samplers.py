@@ -117,7 +117,7 @@ def make_structure_sampler(model: ModelConfig, options: SampleConfig) -> Callabl
         )
 
         def velocity(x, t, seen):
-            return network.apply(params, x, t, seen.tokens, seen.volume, **seen_arguments(seen))
+            return network.apply(params, x, t, seen.tokens, seen.volume, **views_and_layout(seen))
 
         nothing = jax.tree.map(jnp.zeros_like, condition)
         guided = guide(velocity, condition, nothing, options.guidance, options.guidance_interval)
@@ -207,8 +207,8 @@ def flow_inputs(coords: np.ndarray, counts: np.ndarray, model: ModelConfig) -> V
     return VoxelBatch(coords, counts, plans={"flow": plan})
 
 
-def seen_arguments(seen: Condition) -> dict[str, Any]:
-    """What both flows see beside tokens and volume, by name."""
+def views_and_layout(seen: Condition) -> dict[str, Any]:
+    """What both flows see beside tokens and volume, as arguments by name."""
     return {"views": (seen.pixels, seen.cameras), "layout": seen.layout}
 
 
@@ -219,7 +219,7 @@ def flow_arguments(voxels: VoxelBatch, seen: Condition) -> dict[str, Any]:
         "coords": voxels.coords,
         "counts": voxels.counts,
         "plan": voxels.plans["flow"],
-        **seen_arguments(seen),
+        **views_and_layout(seen),
     }
 
 
@@ -232,10 +232,12 @@ def join_views(condition: Condition, items: int = 1) -> Condition:
     return Condition(tokens.reshape(items, -1, tokens.shape[-1]), mean, pixels, cameras)
 
 
-def with_first_cameras(condition: Condition, cameras: Sequence[np.ndarray | None]) -> Condition:
+def with_first_view_cameras(
+    condition: Condition, cameras: Sequence[np.ndarray | None]
+) -> Condition:
     """The condition of B items with camera codes [7] of their first views, where one is given, in
     place of the image encoder's estimates."""
-    if condition.cameras is None:
+    if condition.cameras is None or all(camera is None for camera in cameras):
         return condition
     codes = np.array(condition.cameras)
     for item, camera in zip(codes, cameras, strict=True):

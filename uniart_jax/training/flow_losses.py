@@ -18,7 +18,7 @@ from uniart_jax.inference.samplers import (
     flow_arguments,
     join_views,
     make_structure_sampler,
-    seen_arguments,
+    views_and_layout,
 )
 from uniart_jax.models.network import Network, build
 from uniart_jax.models.voxel_batch import valid_tokens
@@ -114,7 +114,7 @@ def make_structure_flow_loss(network: Network, config: Config, mean: Any, std: A
         x0 = jnp.repeat(normalize(batch.structure, mean, std), weights.draws_per_image, axis=0)
         t, noise, seen = sample_noise_and_time(batch.seen, x0, key, config)
         x = interpolate(x0, noise, t)
-        v = network.apply(params, x, t, seen.tokens, seen.volume, **seen_arguments(seen))
+        v = network.apply(params, x, t, seen.tokens, seen.volume, **views_and_layout(seen))
         error = flow_loss(v, x0, noise)
         loss, metrics = summarize_flow(error, v, x, x0, t, None, flow.prediction)
         if vae is None:
