@@ -159,7 +159,7 @@ def test_the_structure_flow_that_reads_pixels_samples_and_learns_through_the_cam
     maps = condition.pixels, condition.cameras
     assert [m.shape[:2] for m in maps] == [(2, 1), (2, 1)]
     condition = seen(2)._replace(pixels=maps[0], cameras=np.array(maps[1]))
-    moved = condition._replace(cameras=condition.cameras + np.float32([0, 0, 0.5, 0, 0, 0, 0]))
+    moved = condition._replace(cameras=condition.cameras + 0.5 * np.eye(7, dtype="f4")[2])
     options = dataclasses.replace(OPTIONS, steps=1)
     sample = make_structure_sampler(model, options)
     one, other = (sample(params, PLAIN, c, KEY).x for c in (condition, moved))
