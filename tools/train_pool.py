@@ -105,7 +105,7 @@ def main() -> None:
     parser.add_argument("--mask-every", type=int, default=4, help="steps for one of the masks")
     parser.add_argument("--refine-channels", type=int, default=8, help="of the refiner, 0: none")
     parser.add_argument(
-        "--pixel-channels", type=int, help="width of what the structure flow reads of pictures"
+        "--pixel-channels", type=int, help="of the structure flow; if not given, as in --init"
     )
     parser.add_argument("--repeats", type=int, default=2, help="of the layout network's last layer")
     parser.add_argument("--save", type=float, default=150, help="seconds between two savings")

@@ -21,7 +21,7 @@ import jax.numpy as jnp
 from flax import nnx
 
 from uniart_jax.config import ModelConfig
-from uniart_jax.models.flow_trunk import FlowTrunk, required
+from uniart_jax.models.flow_trunk import FlowTrunk, check_camera, required
 from uniart_jax.models.grid_pixels import GridPixels
 from uniart_jax.models.image_encoder import pixel_width
 from uniart_jax.models.occupancy_refiner import OccupancyRefiner
@@ -221,11 +221,7 @@ class LatentFlow(FlowTrunk):
             else:
                 self.out_layer = linear(d, slots * latent, rngs, init=zeros)
             if p := c.pixel_channels:
-                if not config.image_encoder.kind.camera:
-                    raise ValueError(
-                        "latent_flow: pixel_channels needs an image encoder that estimates the "
-                        "camera; set it to 0"
-                    )
+                check_camera(config, "latent_flow: pixel_channels")
                 self.resolution = config.grid.resolution
                 self.pixel_in = linear(
                     pixel_width(config.image_encoder) + 1, 2 * p, rngs, dtype=dtype

@@ -128,6 +128,12 @@ class FlowTrunk(nnx.Module):
         return (x - out) / jnp.maximum(t, T_MIN).reshape(-1, *[1] * (x.ndim - 1))
 
 
+def check_camera(config: ModelConfig, option: str) -> None:
+    """ValueError if the image encoder estimates no camera, which a flow's ``option`` needs."""
+    if not config.image_encoder.kind.camera:
+        raise ValueError(f"{option} needs an image encoder that estimates the camera; set it to 0")
+
+
 def required(
     given: Given | None, option: str, name: str, whose: str = "the image encoder's"
 ) -> Given:

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 from flax import nnx
 
 from uniart_jax.config import ModelConfig
+from uniart_jax.models.flow_trunk import check_camera
 from uniart_jax.models.image_encoder import pixel_width, silhouette
 from uniart_jax.nn.blocks import linear
 from uniart_jax.nn.embeddings import grid_coords
@@ -28,11 +29,7 @@ class GridPixels(nnx.Module):
 
     def __init__(self, channels: int, side: int, config: ModelConfig, rngs: nnx.Rngs, dtype):
         encoder = config.image_encoder
-        if not encoder.kind.camera:
-            raise ValueError(
-                "structure_flow: pixel_channels needs an image encoder that estimates the camera; "
-                "set it to 0"
-            )
+        check_camera(config, "structure_flow: pixel_channels")
         self.side, self.stride = side, encoder.stem_stride
         self.voxels = config.grid.resolution // side  # of a cell, a side
         self.width = POINTS**3 * channels + self.voxels**3

@@ -21,6 +21,7 @@ import jax.numpy as jnp
 from flax import nnx
 
 from uniart_jax.config import ModelConfig
+from uniart_jax.models.flow_trunk import check_camera
 from uniart_jax.models.image_encoder import pixel_width
 from uniart_jax.models.layout_features import LayoutFeatures
 from uniart_jax.nn.blocks import linear, zeros
@@ -41,11 +42,7 @@ class OccupancyRefiner(nnx.Module):
     """Logits [B, R, R, R] of a decoded structure latent -> logits of the same shape."""
 
     def __init__(self, channels: int, config: ModelConfig, rngs: nnx.Rngs):
-        if not config.image_encoder.kind.camera:
-            raise ValueError(
-                "structure_flow: refine_channels needs an image encoder that estimates the "
-                "camera; set it to 0"
-            )
+        check_camera(config, "structure_flow: refine_channels")
         c, dtype = channels, compute_dtype(config)
         self.around = Conv3d(BLOCK**3, BLOCK**3 * c, rngs, dtype=dtype)
         self.place = linear(3, 2 * c, rngs, dtype=dtype)
