@@ -5,11 +5,11 @@
 A table over procedural objects (validation seeds, families in turn), with --real over as many URDF
 and MJCF files by others, and with --generated over asset folders that sample.py wrote. Each object
 is written without a budget, with it, and with other kinds of shapes: shapes an object, MB of its
-folder (URDF, MJCF, meshes, texture, a picture), error of their volume, whether drawers hold a ball,
-MuJoCo's steps of one object a second where many copies stand in models of a hundred (one model of
-all takes minutes to compile). The last row of generated objects is of the folders as they lie
-there. What is not there is told and left out,
-and with --limit what takes more seconds of processor time.
+folder (URDF, MJCF, meshes, texture, a picture), error of their volume, processor time to write it,
+whether drawers hold a ball, MuJoCo's steps of one object a second where many copies stand in models
+of a hundred (one model of all takes minutes to compile). The last row of generated objects is of
+the folders as they lie there. What is not there is told and left out, and with --limit what takes
+more seconds of processor time.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import json
 import multiprocessing
 import resource
 import tempfile
+import time
 from pathlib import Path
 
 import mujoco
@@ -148,6 +149,7 @@ def figures(
         return obj, bodies
 
     with tempfile.TemporaryDirectory() as folder:
+        before = time.process_time()
         asset = save_asset(
             obj,
             Path(folder) / "asset",
@@ -157,6 +159,7 @@ def figures(
             collision=kind,
             collision_budget=budget,
         )
+        seconds = time.process_time() - before
         bodies, meshes, written = kept
         errors = [
             volume_error(m.copy().apply_scale(obj.scale), b.shapes)
@@ -167,6 +170,7 @@ def figures(
             "shapes": shape_count(bodies),
             "MB": megabytes(asset),
             "error": float(np.average(errors, weights=weights)),
+            "seconds": seconds,
             "balls": balls(asset, place(written).obj),
             "speed": speed(asset, copies),
         }
@@ -203,6 +207,7 @@ def as_written(asset: Path, obj: ArticulatedObject, copies: int) -> dict:
         "shapes": int(np.sum(shapes)),
         "MB": megabytes(asset),
         "error": float(np.average(np.nan_to_num(errors), weights=weights)),
+        "seconds": float("nan"),
         "balls": balls(asset, place(obj).obj),
         "speed": speed(asset, copies),
     }
@@ -228,15 +233,16 @@ def _as_they_are(obj, bodies, meshes, budget, collision):
 def table(rows: dict[str, dict[str, list[dict]]]) -> str:
     lines = [
         "| | objects | shapes (median, most) | MB (median) | volume error (mean) | "
-        "drawers that hold a ball | steps/s (median) |",
-        "|---|---|---|---|---|---|---|",
+        "CPU seconds (median) | drawers that hold a ball | steps/s (median) |",
+        "|---|---|---|---|---|---|---|---|",
     ]
     for name, found in rows.items():
         for setting, objects in found.items():
             column = {
                 key: np.array([o[key] for o in objects])
-                for key in ("shapes", "MB", "error", "speed")
+                for key in ("shapes", "MB", "error", "seconds", "speed")
             }
+            seconds = float(np.median(column["seconds"]))
             held = [ball for o in objects for ball in o["balls"]]
             told = f"{sum(held)} of {len(held)}" if held else "–"
             cells = [
@@ -245,6 +251,7 @@ def table(rows: dict[str, dict[str, list[dict]]]) -> str:
                 f"{np.median(column['shapes']):.0f}, {column['shapes'].max()}",
                 f"{np.median(column['MB']):.2f}",
                 f"{column['error'].mean():.3f}",
+                "–" if seconds != seconds else f"{seconds:.1f}",
                 told,
                 f"{np.median(column['speed']):,.0f}",
             ]

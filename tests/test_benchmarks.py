@@ -114,10 +114,11 @@ def test_a_table_of_shapes_has_a_row_for_each_setting(capsys):
         "budget 32": (32, "merged"),
         "hull": (32, "hull"),
     }
-    one = {"shapes": 4, "MB": 1.0, "error": 0.1, "balls": [True, False], "speed": 1000.0}
-    two = one | {"shapes": 8, "balls": []}
+    one = {"shapes": 4, "MB": 1.0, "error": 0.1, "seconds": 2.0}
+    one |= {"balls": [True, False], "speed": 1000.0}
+    two = one | {"shapes": 8, "seconds": 4.0, "balls": []}
     lines = collision_budget.table({"real": {"hull": [one, two]}}).splitlines()
-    assert lines[2] == "| real, hull | 2 | 6, 8 | 1.00 | 0.100 | 1 of 2 | 1,000 |"
+    assert lines[2] == "| real, hull | 2 | 6, 8 | 1.00 | 0.100 | 3.0 | 1 of 2 | 1,000 |"
 
 
 def test_a_training_is_predicted_from_its_compiled_step():
