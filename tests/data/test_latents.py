@@ -136,6 +136,21 @@ def test_a_refiners_batches_hold_the_occupancy(cache):
         assert set(map(tuple, np.argwhere(found))) == set(map(tuple, coords.astype(int)))
 
 
+def test_pictures_are_bent_for_flows_that_see_layouts_but_read_no_pixels(cache):
+    data = dataclasses.replace(DATA, image_warp=0.2)
+
+    def image(**flow):
+        flow = dataclasses.replace(MODEL.structure_flow, **flow)
+        model = dataclasses.replace(MODEL, structure_flow=flow)
+        return next(
+            iter(latents.latent_batches(cache, data, model, 4, stage="structure_flow"))
+        ).image
+
+    as_it_is = image()
+    assert np.abs(image(layout_channels=4) - as_it_is).max() > 0.01
+    np.testing.assert_array_equal(image(layout_channels=4, pixel_channels=4), as_it_is)
+
+
 def test_another_pass_replaces_the_one_before(cache):
     write_latents(cache, make_items(4), key="y")
     assert len(latents.LatentSource(cache)) == 4 and latents.latents_key(cache) == "y"

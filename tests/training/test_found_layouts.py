@@ -89,7 +89,7 @@ def finder():
 
 def test_pictures_of_another_size_are_resampled():
     small, large = (
-        finder()(frozen("layout"), np.full((2, side, side, 3), 0.3, np.float32))
+        finder()(frozen("layout"), np.full((2, side, side, 3), 0.3, np.float32)).table
         for side in (32, 48)
     )
     np.testing.assert_allclose(small.boxes, large.boxes, atol=1e-5)
@@ -97,7 +97,7 @@ def test_pictures_of_another_size_are_resampled():
 
 def test_what_is_shown_is_what_the_network_finds():
     batch = make_batch()
-    found = finder()(frozen("layout"), batch.image)
+    found = finder()(frozen("layout"), batch.image).table
     show = jax.jit(show_found, static_argnums=2)
     shown = show(batch, found, 1.0, jax.random.key(0))
     np.testing.assert_array_equal(shown.layout.boxes, found.boxes)

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from uniart_jax.config import Config, FlowConfig, LossConfig
+from uniart_jax.inference.samplers import FoundLayouts
 from uniart_jax.training import losses
 from uniart_jax.training.flow_losses import (
     make_latent_flow_loss,
@@ -293,7 +294,8 @@ def test_a_loss_of_several_views_sees_all_of_them_and_the_layout_of_the_first():
 
     def find(params, images):
         np.testing.assert_array_equal(images, views[:, 0])
-        return PartTable(*(jnp.ones((2, 1)) for _ in range(4)), jnp.ones(2))
+        table = PartTable(*(jnp.ones((2, 1)) for _ in range(4)), jnp.ones(2))
+        return FoundLayouts(table, jnp.zeros((2, 7)))
 
     def loss(params, batch, key):
         return jnp.zeros(()), batch.seen
@@ -305,6 +307,28 @@ def test_a_loss_of_several_views_sees_all_of_them_and_the_layout_of_the_first():
     np.testing.assert_array_equal(seen.tokens, views.reshape(2, 48, 3))
     np.testing.assert_allclose(seen.volume[:, 0, 0, 0], views[:, :, 0, 0].mean(1))
     np.testing.assert_array_equal(seen.layout.boxes, 1)  # as found
+
+
+def test_items_with_a_layout_are_seen_through_the_cameras_found_with_layouts():
+    items, views = 3, 2
+
+    def condition(encoder, images):
+        pixels = jnp.zeros((len(images), 1, 2, 2, 4))
+        return Condition(images, pixels=pixels, cameras=jnp.full((len(images), 1, 7), 5.0))
+
+    def find(params, images):
+        return FoundLayouts(own, jnp.arange(1.0, 4.0)[:, None] * jnp.ones((items, 7)))
+
+    def loss(params, batch, key):
+        return jnp.zeros(()), batch.seen.cameras
+
+    own = PartTable(*(jnp.ones((items, 1)) for _ in range(4)), jnp.array([1, 0, 2]))
+    batch = StructureBatch(None, image=jnp.ones((items, views, 4, 4, 3)), layout=own)
+    for through, first in ((False, [5, 5, 5]), (True, [1, 5, 3])):
+        seeing = with_image_condition(loss, condition, find, 0.0, through)
+        _, cameras = seeing(None, batch, jax.random.key(0), (None, None))
+        np.testing.assert_array_equal(cameras[:, 0], np.outer(first, np.ones(7)))
+        np.testing.assert_array_equal(cameras[:, 1], 5)  # of another view it knows nothing
 
 
 def test_true_parts_are_matched_to_the_rows_found_of_them():
@@ -331,7 +355,7 @@ def test_a_share_of_the_items_is_shown_the_layout_found_in_its_picture(share):
 
     def find(params, images):
         assert params == "layout's" and images.shape == (items, 3)
-        return found
+        return FoundLayouts(found, jnp.zeros((items, 7)))
 
     def loss(params, batch, key, vae):
         assert vae == "vae's"  # the layout network is not for the loss

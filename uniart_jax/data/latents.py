@@ -259,7 +259,8 @@ def latent_batches(
     Structure flow: a ``StructureBatch`` with ``structure`` and, ``decoded``, ``occupancy``.
     Latent flow: a ``VoxelBatch`` with ``coords``, ``counts``, ``voxel_part`` and ``latent``, all
     padded to one voxel bucket, and ``plans["flow"]``. A flow that sees layouts: ``layout``, with
-    ``data.layout_errors`` in it, and pictures bent by ``data.image_warp``. Latents are as encoded;
+    ``data.layout_errors`` in it, and pictures bent by ``data.image_warp``, unless it is a structure
+    flow that reads pixels. Latents are as encoded;
     normalise them by ``read_statistics``. Mirrored items were encoded as such, so that
     ``data.mirror_latents`` is decided by what the shards were given.
 
@@ -343,6 +344,8 @@ def _load_structure(
     draw: Draw, *, source: LatentSource, model: ModelConfig, seed: int, rows: np.ndarray, data: DataConfig, decoded: bool  # noqa: E501
 ) -> StructureBatch:  # fmt: skip
     flow, most = model.structure_flow, model.grid.max_parts
+    if flow.pixel_channels:  # it is to trust what it reads at a voxel's place in the picture
+        data = dataclasses.replace(data, image_warp=0.0)
     items, image, layout = _draw_items(draw, source, seed, rows, data, flow, most)
     structure, occupancy = np.stack([item["structure"] for item in items]), None
     if decoded:

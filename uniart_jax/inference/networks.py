@@ -31,6 +31,7 @@ from uniart_jax.inference.samplers import (
     make_structure_decoder,
     make_structure_sampler,
     pad_coords,
+    reads_layout_cameras,
     with_first_view_cameras,
 )
 from uniart_jax.models.checkpoint import Checkpoint
@@ -92,10 +93,9 @@ class Networks:
         return condition._replace(layout=self.part_table(layouts, len(condition.tokens)))
 
     def cameras_of(self, layouts: Sequence[Layout | None]) -> list[np.ndarray | None]:
-        """Camera codes [7] through which flows see the first view of each image in place of the
-        image encoder's estimate: the layouts', where the structure flow reads pixels. The latent
-        flow then reads through them too, also one that was trained on estimates."""
-        reads = self.config.model.structure_flow.pixel_channels > 0
+        """Camera codes [7] of the layouts through which flows see the first view of each image
+        (``samplers.reads_layout_cameras``); None: through the image encoder's."""
+        reads = reads_layout_cameras(self.config.model)
         return [one.camera if reads and one is not None else None for one in layouts]
 
     def sample_structure(

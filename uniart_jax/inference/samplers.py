@@ -8,7 +8,7 @@ training.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -47,9 +47,17 @@ def make_conditioner(model: ModelConfig) -> Callable[..., Condition]:
     return run
 
 
-def make_layout_finder(model: ModelConfig) -> Callable[..., PartTable]:
-    """Jitted (layout network's params, images [B, S, S, 3] in [0, 1]) -> part tables [B, K, ...] of
-    the parts that it finds in them, the surest first. Images of any size: they are resampled.
+class FoundLayouts(NamedTuple):
+    """What a layout network finds in B images: their parts, the surest first, and camera codes
+    [B, 7]."""
+
+    table: PartTable
+    cameras: jax.Array
+
+
+def make_layout_finder(model: ModelConfig) -> Callable[..., FoundLayouts]:
+    """Jitted (layout network's params, images [B, S, S, 3] in [0, 1]) -> ``FoundLayouts``. Images
+    of any size: they are resampled.
 
     ``inference.layouts.LayoutPredictor`` and ``voxels.read_layout`` do the same with more care (two
     looks, a tree, exact joints) on the host; this is what a training step can afford.
@@ -61,7 +69,8 @@ def make_layout_finder(model: ModelConfig) -> Callable[..., PartTable]:
         side = model.layout.image_size
         shape = (len(images), side, side, 3)
         out = network.apply(params, jax.image.resize(images, shape, "bilinear"))
-        return found_table(out["parts"][-1], out["parents"], model.grid.max_parts)
+        table = found_table(out["parts"][-1], out["parents"], model.grid.max_parts)
+        return FoundLayouts(table, out["camera"])
 
     return run
 
@@ -230,6 +239,21 @@ def join_views(condition: Condition, items: int = 1) -> Condition:
     mean = None if volume is None else volume.reshape(items, -1, *volume.shape[1:]).mean(1)
     pixels, cameras = (None if v is None else v.reshape(items, -1, *v.shape[2:]) for v in views)
     return Condition(tokens.reshape(items, -1, tokens.shape[-1]), mean, pixels, cameras)
+
+
+def reads_layout_cameras(model: ModelConfig) -> bool:
+    """Whether flows see the first view of an image through its layout's camera in place of the
+    image encoder's: where the structure flow reads pixels. The latent flow then reads through it
+    too, also one that was trained on the encoder's."""
+    return model.structure_flow.pixel_channels > 0
+
+
+def with_layout_cameras(condition: Condition, cameras: jax.Array) -> Condition:
+    """The condition of B items whose first views are seen through the camera codes [B, 7] of their
+    layouts, where an item has one."""
+    there = condition.layout.counts[:, None] > 0
+    first = jnp.where(there, cameras, condition.cameras[:, 0])
+    return condition._replace(cameras=condition.cameras.at[:, 0].set(first))
 
 
 def with_first_view_cameras(

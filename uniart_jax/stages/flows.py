@@ -18,9 +18,11 @@ from uniart_jax.config import Config, ModelConfig
 from uniart_jax.data.folder import read_metadata
 from uniart_jax.data.latents import check_views, latent_batches
 from uniart_jax.inference.samplers import (
+    FoundLayouts,
     join_views,
     make_conditioner,
     make_layout_finder,
+    reads_layout_cameras,
 )
 from uniart_jax.models.checkpoint import FLOW_INPUTS, Checkpoint
 from uniart_jax.models.checkpoint_files import write_statistics
@@ -94,7 +96,8 @@ class FlowStage(Stage):
         find = make_layout_finder(config.model) if config.loss.found > 0 else None
         loss_fn = self.flow_loss(network, config, workdir, *statistics[self.latent])
         condition = make_conditioner(config.model)
-        return with_image_condition(loss_fn, condition, find, config.loss.found)
+        through = reads_layout_cameras(config.model)
+        return with_image_condition(loss_fn, condition, find, config.loss.found, through)
 
     def frozen_params(
         self, config: Config, workdir: Path, source: Checkpoint | None
@@ -165,7 +168,7 @@ def load_conditioner(config: Config, workdir: Path) -> Callable[[jax.Array], Con
     return functools.partial(make_conditioner(config.model), parameters)
 
 
-def load_layout_finder(config: Config, workdir: Path) -> Callable[[jax.Array], PartTable]:
+def load_layout_finder(config: Config, workdir: Path) -> Callable[[jax.Array], FoundLayouts]:
     """``inference.samplers.make_layout_finder`` with the layout network of WORKDIR."""
     parameters = jax.device_put(load(workdir, "layout", config))
     return functools.partial(make_layout_finder(config.model), parameters)

@@ -11,7 +11,12 @@ import numpy as np
 from uniart_jax.config import LATENT_OF, Config
 from uniart_jax.data.latents import LatentSource
 from uniart_jax.data.order import spread
-from uniart_jax.inference.samplers import make_structure_decoder, make_structure_sampler
+from uniart_jax.inference.samplers import (
+    make_structure_decoder,
+    make_structure_sampler,
+    reads_layout_cameras,
+    with_layout_cameras,
+)
 from uniart_jax.models.network import Network
 from uniart_jax.stages.flows import (
     FlowStage,
@@ -54,6 +59,7 @@ def _evaluation(config: Config, workdir: Path, statistics: dict[str, Any]) -> Ev
     decode = make_structure_decoder(config.model)
     threshold = config.sample_structure.threshold
     finder = load_layout_finder(config, workdir) if config.loss.found else None
+    through = reads_layout_cameras(config.model)
 
     def evaluate(state, step):
         condition_of = load_conditioner(config, workdir)  # beside the step's own for now alone
@@ -69,16 +75,19 @@ def _evaluation(config: Config, workdir: Path, statistics: dict[str, Any]) -> Ev
             items = [source[i] for i in chosen[start : start + IMAGE_BATCH]]
             condition = condition_of_items(items, condition_of, config)
             key = jax.random.key(start)
+            found = finder(first_pictures(items)) if finder is not None else None
+            if found is not None and through:
+                condition = with_layout_cameras(condition, found.cameras)
             truth = np.zeros((len(items), *(config.model.grid.resolution,) * 3), bool)
             for row, item in zip(truth, items, strict=True):
                 row[tuple(item["coords"].astype(int).T)] = True
-            found = occupied(condition, key)
-            overlaps += list(iou(found, truth))
-            if finder is not None:
-                condition = condition._replace(layout=finder(first_pictures(items)))
+            seen = occupied(condition, key)
+            overlaps += list(iou(seen, truth))
+            if found is not None:
+                condition = condition._replace(layout=found.table)
                 by_found += list(iou(occupied(condition, key), truth))
             for b, item in enumerate(items[: PICTURES - len(pictures)]):
-                both, image = (filled(truth[b]), filled(found[b])), item["images"][0] / 255
+                both, image = (filled(truth[b]), filled(seen[b])), item["images"][0] / 255
                 pictures.append(beside(*both, truth.shape[1], image))
         figures = {"iou": float(np.mean(overlaps))}
         if by_found:  # what sampling has: layouts that the network finds

@@ -15,10 +15,12 @@ import jax.numpy as jnp
 from uniart_jax.config import Config
 from uniart_jax.flow.rectified import flow_loss, interpolate, predicted_sample, sample_times
 from uniart_jax.inference.samplers import (
+    FoundLayouts,
     flow_arguments,
     join_views,
     make_structure_sampler,
     views_and_layout,
+    with_layout_cameras,
 )
 from uniart_jax.models.network import Network, build
 from uniart_jax.models.voxel_batch import valid_tokens
@@ -31,7 +33,6 @@ from uniart_jax.training.losses import (
     occupancy_terms,
     part_weights,
 )
-from uniart_jax.voxels.part_table import PartTable
 from uniart_jax.voxels.typed_batches import Condition, VoxelBatch
 
 DECODED_VOXELS = 1024  # of an item that the decoded loss looks at
@@ -46,8 +47,9 @@ def normalize(latent: jax.Array, mean: Any, std: Any) -> jax.Array:
 def with_image_condition(
     loss_fn: LossFn,
     condition: Callable[..., Condition],
-    find: Callable[..., PartTable] | None = None,
+    find: Callable[..., FoundLayouts] | None = None,
     share: float = 0.0,
+    layout_cameras: bool = False,
 ) -> LossFnWithFrozen:
     """A flow's loss of batches with ``image`` [B, H, W, 3], or N views [B, N, H, W, 3], in place of
     what an image encoder sees in them: (params, batch, key, frozen) -> as ``loss_fn``.
@@ -58,24 +60,28 @@ def with_image_condition(
     Args:
       condition: (encoder's parameters, images) -> what the flow sees
         (``inference.samplers.make_conditioner``), through the cameras that the encoder estimates.
-      find: (layout network's parameters, images) -> part tables
-        (``inference.samplers.make_layout_finder``), shown in place of the batch's own to a
-        ``share`` of the items; of several views it looks at the first.
+      find: (layout network's parameters, images) -> what that network finds
+        (``inference.samplers.make_layout_finder``); its parts are shown in place of the batch's own
+        to a ``share`` of the items; of several views it looks at the first.
+      layout_cameras: items with a layout are seen through the cameras that ``find`` estimates
+        (``inference.samplers.reads_layout_cameras``); first views alone.
     """
 
     def seeing(params, batch, key, frozen):
         encoder, *more = frozen
-        image, layout = batch.image, batch.layout
+        image, layout, cameras = batch.image, batch.layout, None
         if image.ndim == 5:
             seen = condition(encoder, image.reshape(-1, *image.shape[2:]))
             seen, image = join_views(seen, len(image)), image[:, 0]
         else:
             seen = condition(encoder, image)
         if find is not None:
-            found = find(more.pop(), image)
+            found, cameras = find(more.pop(), image)
             chosen = jax.random.bernoulli(jax.random.fold_in(key, 2), share, found.counts.shape)
             layout = choose(chosen, found, layout)
         seen = seen._replace(layout=layout)
+        if layout_cameras and cameras is not None:
+            seen = with_layout_cameras(seen, cameras)
         batch = batch._replace(image=None, layout=layout, seen=seen)
         return loss_fn(params, batch, key, *more)
 

@@ -73,7 +73,7 @@ def make_uniart_vae_loss(
         draw_key, noise_key = jax.random.split(key)
         if find is not None:
             *frozen, finder = frozen
-            found = find(finder, batch.image)
+            found = find(finder, batch.image).table
             batch = show_found(batch, found, weights.found, jax.random.fold_in(key, 2))
         valid = valid_tokens(batch.counts, batch.coords.shape[1])[..., 0].astype(jnp.float32)
         voxels, mask = None, valid
