@@ -100,6 +100,20 @@ def test_another_board_that_is_drawn_whole_stays():
     assert not solid_of(gone, 0)[:, 20:46, 31:46][11:17].any()
 
 
+def test_an_outer_wall_stays_where_it_goes_on_beyond_its_panel():
+    """As an oven's back above its hob, where a panel within is as high."""
+    above = block((49.3, 8.3, 56.3), (52.3, 57.3, 63.3))
+    divider = np.array([30.3, 30.3, 33.3, 50.3, 33.3, 63.3])
+    window = block((45.3, 14.3, 58.3), (60.3, 24.3, 63.3))  # no board of another place
+    above = np.maximum(above, -window)
+    case = np.min([CASE, above, block(divider[:3], divider[3:])], 0)
+    field = field_of(case)
+    after = with_panels(field, [0], panels_at(np.concatenate([BOARDS, divider[None]])))
+    high = np.broadcast_to(AT[2] > 59, case.shape) & (above < 0)
+    assert high.sum() > 400 and solid_of(after, 0)[high].all()
+    assert not solid_of(after, 0)[window < -1].any()
+
+
 def test_a_board_in_the_way_of_another_part_ends_there():
     tray = block((16.3, 14.3, 30.3), (45.3, 50.3, 37.3))  # where the shelf is to be
     after = with_panels(field_of(np.where(SHELF < 0, 2.0, CASE), tray), [0], ALL)

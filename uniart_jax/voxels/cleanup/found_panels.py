@@ -43,10 +43,10 @@ def with_panels(
 ) -> DenseField | None:
     """A field whose body has these panels within, and nothing ragged beside them.
 
-    Outer walls that have a panel stay as they are drawn: a network is sure of them. Panels within
-    the body are drawn anew, and what else is drawn there is taken away, but for boards that are
-    whole and what is thick. Faces of nearly one plane are made one; panels are made to meet
-    (``fitted``).
+    Outer walls that have a panel stay as they are drawn, also where they go on beyond it, as an
+    oven's back above its hob: a network is sure of them. Panels within the body are drawn anew, and
+    what else is drawn there is taken away, but for boards that are whole and what is thick. Faces
+    of nearly one plane are made one; panels are made to meet (``fitted``).
 
     Args:
       body: owners that do not move. legs: what it stands on, if that is known.
@@ -75,11 +75,12 @@ def with_panels(
     if not inner.any():
         return field
     stays = _outside(boxes[:, :3].min(0), boxes[:, 3:].max(0), solid)
-    stays |= distance_to(boxes[~inner], field.sdf.shape) < NEAR
+    cells = np.argwhere(solid)
+    walls = _to_ends(boxes[~inner], cells)
+    stays |= distance_to(walls, field.sdf.shape) < NEAR
     kept = _other_boards(solid, distance) | _thick(solid)
     around = np.asarray(ndimage.binary_dilation(kept, np.ones((3, 3, 3))), bool)
     stays |= around & (kept | ~solid)  # and its surface
-    cells = np.argwhere(solid)
     within = boxes[inner]  # no board stands out of the walls
     within[:, :3] = np.maximum(within[:, :3], cells.min(0) - 0.5)
     within[:, 3:] = np.minimum(within[:, 3:], cells.max(0) + 0.5)
@@ -105,6 +106,15 @@ def _inner(boxes: np.ndarray, solid: np.ndarray) -> np.ndarray:
     rows = np.arange(len(boxes))
     first, last = cells.min(0)[thin], cells.max(0)[thin]
     return (boxes[rows, thin] > first + OUTER) & (boxes[rows, thin + 3] < last - OUTER)
+
+
+def _to_ends(boxes: np.ndarray, cells: np.ndarray) -> np.ndarray:
+    """Boxes [N, 6] of walls that reach, in their planes, to the ends of a body's cells [C, 3]."""
+    thin = (boxes[:, 3:] - boxes[:, :3]).argmin(1)
+    across = np.arange(3) == thin[:, None]
+    low, high = cells.min(0) - 0.5, cells.max(0) + 0.5
+    ends = np.where(across, boxes[:, :3], low), np.where(across, boxes[:, 3:], high)
+    return np.concatenate(ends, 1)
 
 
 def _thick(solid: np.ndarray) -> np.ndarray:
