@@ -89,7 +89,12 @@ def config() -> Config:
                 layout_channels=64,
             ),
             structure_flow=dataclasses.replace(
-                flow, num_blocks=5, patch_size=2, layout_channels=32, refine_channels=8
+                flow,
+                num_blocks=5,
+                patch_size=2,
+                layout_channels=32,
+                refine_channels=8,
+                pixel_channels=8,
             ),
             latent_flow=dataclasses.replace(
                 flow,

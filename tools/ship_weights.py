@@ -25,7 +25,10 @@ _ATTENTION = (f"{kind}_attn.to_{of}" for kind in ("self", "cross") for of in ("q
 _LAYER = ("read_in", "read_out", "mlp.mlp.0", "mlp.mlp.2", *_ATTENTION)
 _OF_SETS = ("guess", "hidden", "place_out", *(f"layer.{name}" for name in _LAYER))
 _SETS = ("legs", "panels", "boards")
-INT8 = {"layout": ("sketch1.kernel", *(f"{of}.{k}.kernel" for of in _SETS for k in _OF_SETS))}
+INT8 = {
+    "layout": ("sketch1.kernel", *(f"{of}.{k}.kernel" for of in _SETS for k in _OF_SETS)),
+    "structure_flow": ("pixel_cube.kernel",),
+}
 
 
 def main() -> None:
