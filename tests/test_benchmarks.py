@@ -119,6 +119,9 @@ def test_a_table_of_shapes_has_a_row_for_each_setting(capsys):
     two = one | {"shapes": 8, "seconds": 4.0, "balls": []}
     lines = collision_budget.table({"real": {"hull": [one, two]}}).splitlines()
     assert lines[2] == "| real, hull | 2 | 6, 8 | 1.00 | 0.100 | 3.0 | 1 of 2 | 1,000 |"
+    del one["seconds"]  # of folders that lie there
+    lines = collision_budget.table({"generated": {"as written": [one]}}).splitlines()
+    assert lines[2] == "| generated, as written | 1 | 4, 4 | 1.00 | 0.100 | – | 1 of 2 | 1,000 |"
 
 
 def test_a_training_is_predicted_from_its_compiled_step():

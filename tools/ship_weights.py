@@ -20,7 +20,8 @@ from uniart_jax.models.checkpoint import PRETRAINED, Checkpoint
 from uniart_jax.models.checkpoint_files import write_config, write_network, write_statistics
 
 MOST = 40 * 2**20  # bytes of all files
-# kernels that lose little by it: rows of legs, panels and boards move by .001 object units
+# kernels that lose little by it: rows of legs, panels and boards move by .001 object units; see
+# docs/training_history.md for the structure flow's
 _ATTENTION = (f"{kind}_attn.to_{of}" for kind in ("self", "cross") for of in ("q", "k", "v", "out"))
 _LAYER = ("read_in", "read_out", "mlp.mlp.0", "mlp.mlp.2", *_ATTENTION)
 _OF_SETS = ("guess", "hidden", "place_out", *(f"layer.{name}" for name in _LAYER))

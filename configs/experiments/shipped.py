@@ -2,8 +2,9 @@
 
 Command: mkdir -p runs; git archive 02ff56e uniart_jax/pretrained | tar x -C runs
          uniart experiment shipped      (in a clone with its history: the weights before)
-What varies: the weights and with them the latent flow's pixel_channels; UniArt VAE and structure
-    VAE are the same in both. given: the true active voxels and the image.
+What varies: the weights and with them the flows' pixel_channels, of the structure flow also the
+    camera that it sees through; UniArt VAE and structure VAE are the same in both. given: the true
+    active voxels and the image.
 Expected: now better. Nothing is trained; there is no paper size.
 Time: one CPU core; sampling alone, about 6 s an object and arm: 80 minutes for six arms of 128
     objects, beside other work.

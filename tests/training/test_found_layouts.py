@@ -89,10 +89,13 @@ def finder():
 
 def test_pictures_of_another_size_are_resampled():
     small, large = (
-        finder()(frozen("layout"), np.full((2, side, side, 3), 0.3, np.float32)).table
+        finder()(frozen("layout"), np.full((2, side, side, 3), 0.3, np.float32))
         for side in (32, 48)
     )
-    np.testing.assert_allclose(small.boxes, large.boxes, atol=1e-5)
+    np.testing.assert_allclose(small.table.boxes, large.table.boxes, atol=1e-5)
+    out = build("layout", MODEL).apply(frozen("layout"), np.full((2, 32, 32, 3), 0.3, np.float32))
+    np.testing.assert_allclose(small.cameras, out["camera"], atol=1e-5)
+    np.testing.assert_allclose(large.cameras, out["camera"], atol=1e-5)
 
 
 def test_what_is_shown_is_what_the_network_finds():

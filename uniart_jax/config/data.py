@@ -63,7 +63,7 @@ class DataConfig:
     # network's pictures ("" = none)
     backgrounds: str = ""
     # flows that see a layout: share of the side by which pictures are bent at most, so that the
-    # layout says where things are
+    # layout says where things are; not of a structure flow that reads pixels
     image_warp: float = 0.0
     layout_errors: float = 0.0  # and the strength of the errors in it (``data.layout_errors``)
     # UniArt VAE: share of the parts whose joint and parent are drawn anew

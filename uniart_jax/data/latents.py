@@ -259,10 +259,10 @@ def latent_batches(
     Structure flow: a ``StructureBatch`` with ``structure`` and, ``decoded``, ``occupancy``.
     Latent flow: a ``VoxelBatch`` with ``coords``, ``counts``, ``voxel_part`` and ``latent``, all
     padded to one voxel bucket, and ``plans["flow"]``. A flow that sees layouts: ``layout``, with
-    ``data.layout_errors`` in it, and pictures bent by ``data.image_warp``, unless it is a structure
-    flow that reads pixels. Latents are as encoded;
-    normalise them by ``read_statistics``. Mirrored items were encoded as such, so that
-    ``data.mirror_latents`` is decided by what the shards were given.
+    ``data.layout_errors`` in it, and pictures bent by ``data.image_warp`` (not of a structure flow
+    that reads pixels). Latents are as encoded; normalise them by ``read_statistics``. Mirrored
+    items were encoded as such, so that ``data.mirror_latents`` is decided by what the shards were
+    given.
 
     Args and errors: as ``batches.voxel_batches``; ``decoded``: with what the loss holds a decoder's
     output against; of the latent flow ``plans`` for the UniArt VAE's decoder too.

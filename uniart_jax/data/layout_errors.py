@@ -3,7 +3,8 @@ neither too much. numpy only.
 
 A layout that a network finds lacks parts, and boxes are a little off: ``with_errors``. It also
 disagrees with the picture about where things are. In training the picture is bent (``bend``) while
-layout and voxels agree, so that the flow goes by the layout.
+layout and voxels agree, so that the flow goes by the layout; a structure flow that reads pixels is
+shown it as it is.
 """
 
 from __future__ import annotations

@@ -243,14 +243,15 @@ def join_views(condition: Condition, items: int = 1) -> Condition:
 
 def reads_layout_cameras(model: ModelConfig) -> bool:
     """Whether flows see the first view of an image through its layout's camera in place of the
-    image encoder's: where the structure flow reads pixels. The latent flow then reads through it
-    too, also one that was trained on the encoder's."""
-    return model.structure_flow.pixel_channels > 0
+    image encoder's: where there are layouts and the structure flow reads pixels. The latent flow
+    then reads through it too, also one that was trained on the encoder's."""
+    layouts = model.layout.queries and model.structure_flow.layout_channels
+    return bool(layouts and model.structure_flow.pixel_channels)
 
 
 def with_layout_cameras(condition: Condition, cameras: jax.Array) -> Condition:
     """The condition of B items whose first views are seen through the camera codes [B, 7] of their
-    layouts, where an item has one."""
+    layouts, where the item has a layout."""
     there = condition.layout.counts[:, None] > 0
     first = jnp.where(there, cameras, condition.cameras[:, 0])
     return condition._replace(cameras=condition.cameras.at[:, 0].set(first))

@@ -12,6 +12,7 @@ from uniart_jax.config import Config, DataConfig, GridConfig
 from uniart_jax.data.batches import open_records
 from uniart_jax.data.folder import read_manifest, read_metadata
 from uniart_jax.data.prepare import prepare_procedural
+from uniart_jax.inference.samplers import reads_layout_cameras
 from uniart_jax.models.checkpoint import WIDENABLE, Checkpoint
 from uniart_jax.models.network import build
 from uniart_jax.procedural import WORLDS
@@ -93,7 +94,8 @@ def networks_to_copy(
 def check_found(
     config: Config, stages: Sequence[Stage], exported: Checkpoint, copied: Sequence[str]
 ) -> None:
-    """Whether layouts can be found for the networks that are to be shown them (``loss.found``).
+    """Whether layouts can be found for the networks that are to be shown them (``loss.found``);
+    without that, flows that are sampled through layouts' cameras are told of.
 
     Args:
       exported: of the training. copied: networks that it will get from another checkpoint.
@@ -111,11 +113,18 @@ def check_found(
                 f"config: loss.found shows the {name} layouts that are found; give "
                 f"model.layout.queries and model.{name}.layout_channels above 0, or loss.found 0"
             )
-        if not exported.has("layout") and "layout" not in copied:
-            raise FileNotFoundError(
-                f"{exported.folder}/layout.safetensors: loss.found needs it and it is not there; "
-                "train it first: --stage layout, or give a checkpoint that has it as --init"
-            )
+    if shown and share and not exported.has("layout") and "layout" not in copied:
+        raise FileNotFoundError(
+            f"{exported.folder}/layout.safetensors: loss.found needs it and it is not there; "
+            "train it first: --stage layout, or give a checkpoint that has it as --init"
+        )
+    if not share and reads_layout_cameras(model) and any(stage.latent for stage in stages):
+        console.print(
+            "flows are trained through the image encoder's cameras, but sampled through the "
+            "layout's; give loss.found above 0 once there is a layout network",
+            style="yellow",
+            markup=False,
+        )
 
 
 def check_freeze(config: Config, stages: Sequence[Stage]) -> None:

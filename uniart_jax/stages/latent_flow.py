@@ -14,11 +14,24 @@ from uniart_jax.data.latents import LatentSource
 from uniart_jax.data.order import spread
 from uniart_jax.data.records import Record, RecordSource, decode_color
 from uniart_jax.inference.networks import voxel_grid
-from uniart_jax.inference.samplers import flow_inputs, make_latent_sampler, pad_coords
+from uniart_jax.inference.samplers import (
+    flow_inputs,
+    make_latent_sampler,
+    pad_coords,
+    reads_layout_cameras,
+    with_layout_cameras,
+)
 from uniart_jax.models.network import Network, build
 from uniart_jax.nn.voxel_plans import voxel_plans
 from uniart_jax.precompute.encoding import latent_metric
-from uniart_jax.stages.flows import FlowStage, condition_of_items, item_tables, load_conditioner
+from uniart_jax.stages.flows import (
+    FlowStage,
+    condition_of_items,
+    first_pictures,
+    item_tables,
+    load_conditioner,
+    load_layout_finder,
+)
 from uniart_jax.stages.pictures import OBJECTS, PICTURES, beside, solid, sub_cells
 from uniart_jax.stages.stage import Evaluation, load
 from uniart_jax.training.flow_losses import make_latent_flow_loss
@@ -58,6 +71,8 @@ def _evaluation(config: Config, workdir: Path, statistics: dict[str, Any]) -> Ev
     sampler = make_latent_sampler(config.model, options)
     vae = build("uniart_vae", config.model)
     parameters = load(workdir, "uniart_vae", config)
+    through = config.loss.found and reads_layout_cameras(config.model)
+    finder = load_layout_finder(config, workdir) if through else None
     decode = jax.jit(functools.partial(vae.apply, method="decode"))
 
     def evaluate(state, step):
@@ -72,6 +87,8 @@ def _evaluation(config: Config, workdir: Path, statistics: dict[str, Any]) -> Ev
             voxels = flow_inputs(coords, counts, config.model)
             key = jax.random.key(index)
             condition = condition_of_items([item], condition_of, config)
+            if finder is not None:
+                condition = with_layout_cameras(condition, finder(first_pictures([item])).cameras)
             latent = sampler(state.ema, statistics["latent"], condition, key, voxels).x
             model = config.model
             plans = voxel_plans(coords, counts, model.uniart_vae, model.grid)

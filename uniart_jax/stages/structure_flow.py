@@ -81,13 +81,13 @@ def _evaluation(config: Config, workdir: Path, statistics: dict[str, Any]) -> Ev
             truth = np.zeros((len(items), *(config.model.grid.resolution,) * 3), bool)
             for row, item in zip(truth, items, strict=True):
                 row[tuple(item["coords"].astype(int).T)] = True
-            seen = occupied(condition, key)
-            overlaps += list(iou(seen, truth))
+            drawn = occupied(condition, key)
+            overlaps += list(iou(drawn, truth))
             if found is not None:
                 condition = condition._replace(layout=found.table)
                 by_found += list(iou(occupied(condition, key), truth))
             for b, item in enumerate(items[: PICTURES - len(pictures)]):
-                both, image = (filled(truth[b]), filled(seen[b])), item["images"][0] / 255
+                both, image = (filled(truth[b]), filled(drawn[b])), item["images"][0] / 255
                 pictures.append(beside(*both, truth.shape[1], image))
         figures = {"iou": float(np.mean(overlaps))}
         if by_found:  # what sampling has: layouts that the network finds

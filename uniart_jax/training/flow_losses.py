@@ -64,7 +64,7 @@ def with_image_condition(
         (``inference.samplers.make_layout_finder``); its parts are shown in place of the batch's own
         to a ``share`` of the items; of several views it looks at the first.
       layout_cameras: items with a layout are seen through the cameras that ``find`` estimates
-        (``inference.samplers.reads_layout_cameras``); first views alone.
+        (``inference.samplers.reads_layout_cameras``); of several views the first.
     """
 
     def seeing(params, batch, key, frozen):

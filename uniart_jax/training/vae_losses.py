@@ -12,7 +12,13 @@ import jax
 import jax.numpy as jnp
 
 from uniart_jax.config import Config
-from uniart_jax.inference.samplers import make_conditioner, make_latent_sampler, make_layout_finder
+from uniart_jax.inference.samplers import (
+    make_conditioner,
+    make_latent_sampler,
+    make_layout_finder,
+    reads_layout_cameras,
+    with_layout_cameras,
+)
 from uniart_jax.models.network import Network
 from uniart_jax.models.structure_vae import sample_posterior
 from uniart_jax.models.voxel_batch import (
@@ -71,9 +77,10 @@ def make_uniart_vae_loss(
 
     def loss_fn(params, batch, key, frozen: Any = None):
         draw_key, noise_key = jax.random.split(key)
+        cameras = None
         if find is not None:
             *frozen, finder = frozen
-            found = find(finder, batch.image).table
+            found, cameras = find(finder, batch.image)
             batch = show_found(batch, found, weights.found, jax.random.fold_in(key, 2))
         valid = valid_tokens(batch.counts, batch.coords.shape[1])[..., 0].astype(jnp.float32)
         voxels, mask = None, valid
@@ -87,7 +94,8 @@ def make_uniart_vae_loss(
         if sample is not None:
             choice_key, flow_key = jax.random.split(jax.random.fold_in(key, 1))
             chosen = jax.random.uniform(choice_key, latent.shape[:1]) < weights.sampled
-            latent = jnp.where(chosen[:, None, None], sample(frozen, batch, flow_key), latent)
+            sampled = sample(frozen, batch, flow_key, cameras)
+            latent = jnp.where(chosen[:, None, None], sampled, latent)
         out |= network.apply(params, latent, batch, voxels, method="decode")
 
         def at(values: jax.Array) -> jax.Array:
@@ -130,15 +138,20 @@ def make_uniart_vae_loss(
 
 
 def make_sampled_latents(config: Config, mean: Any, std: Any) -> Callable[..., jax.Array]:
-    """(parameters of image encoder and latent flow, voxel batch, key) -> latents [B, V, C] that the
-    flow samples in one step; not differentiated."""
+    """(parameters of image encoder and latent flow, voxel batch, key, camera codes [B, 7] found
+    with layouts or None) -> latents [B, V, C] that the flow samples in one step; not
+    differentiated."""
     model = config.model
     condition = make_conditioner(model)
     run = make_latent_sampler(model, dataclasses.replace(config.sample_latent, steps=1))
 
-    def sample(frozen, batch, key):
+    through = reads_layout_cameras(model)
+
+    def sample(frozen, batch, key, cameras):
         encoder, flow = frozen
         seen = condition(encoder, batch.image)._replace(layout=batch.layout)
+        if through and cameras is not None:
+            seen = with_layout_cameras(seen, cameras)
         return jax.lax.stop_gradient(run(flow, (mean, std), seen, key, batch).x)
 
     return sample

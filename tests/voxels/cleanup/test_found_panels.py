@@ -104,7 +104,7 @@ def test_an_outer_wall_stays_where_it_goes_on_beyond_its_panel():
     """As an oven's back above its hob, where a panel within is as high."""
     above = block((49.3, 8.3, 56.3), (52.3, 57.3, 63.3))
     divider = np.array([30.3, 30.3, 33.3, 50.3, 33.3, 63.3])
-    window = block((45.3, 14.3, 58.3), (60.3, 24.3, 63.3))  # no board of another place
+    window = block((45.3, 14.3, 58.3), (60.3, 24.3, 63.3))  # a hole in the wall, which stays
     above = np.maximum(above, -window)
     case = np.min([CASE, above, block(divider[:3], divider[3:])], 0)
     field = field_of(case)
@@ -112,6 +112,17 @@ def test_an_outer_wall_stays_where_it_goes_on_beyond_its_panel():
     high = np.broadcast_to(AT[2] > 59, case.shape) & (above < 0)
     assert high.sum() > 400 and solid_of(after, 0)[high].all()
     assert not solid_of(after, 0)[window < -1].any()
+
+
+def test_crumbs_in_the_plane_of_an_outer_wall_go():
+    boards = BOARDS.copy()
+    boards[4, 5] = 30.3  # the back is low
+    crumb = block((49.3, 28.3, 40.3), (52.3, 31.3, 43.3))
+    shelf = np.array([12.3, 8.3, 46.3, 40.3, 57.3, 49.3])
+    boards = np.concatenate([boards, shelf[None]])
+    case = np.min([crumb, *(block(b[:3], b[3:]) for b in boards)], 0)
+    after = with_panels(field_of(case), [0], panels_at(boards))
+    assert not solid_of(after, 0)[crumb < 0].any()
 
 
 def test_a_board_in_the_way_of_another_part_ends_there():

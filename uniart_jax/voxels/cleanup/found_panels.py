@@ -75,12 +75,11 @@ def with_panels(
     if not inner.any():
         return field
     stays = _outside(boxes[:, :3].min(0), boxes[:, 3:].max(0), solid)
-    cells = np.argwhere(solid)
-    walls = _to_ends(boxes[~inner], cells)
-    stays |= distance_to(walls, field.sdf.shape) < NEAR
-    kept = _other_boards(solid, distance) | _thick(solid)
+    stays |= distance_to(boxes[~inner], field.sdf.shape) < NEAR
+    kept = _other_boards(solid, distance) | _thick(solid) | _walls(boxes[~inner], solid)
     around = np.asarray(ndimage.binary_dilation(kept, np.ones((3, 3, 3))), bool)
     stays |= around & (kept | ~solid)  # and its surface
+    cells = np.argwhere(solid)
     within = boxes[inner]  # no board stands out of the walls
     within[:, :3] = np.maximum(within[:, :3], cells.min(0) - 0.5)
     within[:, 3:] = np.minimum(within[:, 3:], cells.max(0) + 0.5)
@@ -108,13 +107,16 @@ def _inner(boxes: np.ndarray, solid: np.ndarray) -> np.ndarray:
     return (boxes[rows, thin] > first + OUTER) & (boxes[rows, thin + 3] < last - OUTER)
 
 
-def _to_ends(boxes: np.ndarray, cells: np.ndarray) -> np.ndarray:
-    """Boxes [N, 6] of walls that reach, in their planes, to the ends of a body's cells [C, 3]."""
+def _walls(boxes: np.ndarray, solid: np.ndarray) -> np.ndarray:
+    """[X, Y, Z] cells that are drawn in one piece with outer panels [N, 6], in their planes."""
     thin = (boxes[:, 3:] - boxes[:, :3]).argmin(1)
     across = np.arange(3) == thin[:, None]
-    low, high = cells.min(0) - 0.5, cells.max(0) + 0.5
-    ends = np.where(across, boxes[:, :3], low), np.where(across, boxes[:, 3:], high)
-    return np.concatenate(ends, 1)
+    low, high = np.where(across, boxes[:, :3], 0), np.where(across, boxes[:, 3:], max(solid.shape))
+    layers = distance_to(np.concatenate([low, high], 1), solid.shape) < NEAR
+    labels = np.zeros(solid.shape, np.int32)
+    ndimage.label(solid & layers, output=labels)
+    own = labels[solid & (distance_to(boxes, solid.shape) < NEAR)]
+    return np.isin(labels, own[own > 0])
 
 
 def _thick(solid: np.ndarray) -> np.ndarray:

@@ -4,7 +4,8 @@ A network draws what a closed door hides as the mean of all that could be there:
 crumbs in the middle, ragged rims. What can be told of it is how wide, high and deep the room is,
 and whether a shelf goes through it. So each room becomes a box: its walls lie where most lines
 meet them, a layer across it that is mostly solid becomes a whole shelf, and all else in it goes.
-Round rooms, and what hardly is a room, stay as they are.
+Where a block is drawn behind a closed door, it is hollowed. Round rooms, and what hardly is a room,
+stay as they are.
 """
 
 from __future__ import annotations
@@ -43,6 +44,9 @@ SHELF = 0.35  # share of a layer that is solid, where there is a shelf, and of i
 THICKNESS = 2  # of walls where they have gaps
 BENT = 3.0  # that a straight wall's ends reach in farther than its middle at most
 ENCLOSED = 3  # walls, from which on what they enclose is a room
+BLOCK = 0.85  # share of what is behind a door that is solid at least where it is a block
+SHELL = 4  # walls of a block that is hollowed
+LARGE = 0.04  # share of the grid's cells that its room has at least: a camera's body is a block
 KEPT = 0.5  # share of a part's cells below which all is left as it was: racks are all gaps
 CORNER = 0.12  # of the sides: a round room does not reach so far into its corners
 # from its closed end, from which on a door (radians) or a drawer (object units) is not shown closed
@@ -67,6 +71,7 @@ def with_clean_rooms(
     """
     field = dataclasses.replace(field, sdf=field.sdf.copy(), owner=field.owner.copy())
     still, fronts = still_parts(parents, joints), []
+    _hollow_blocks(field, boxes, joints, parents, still)
     for k in range(len(boxes)):
         body = (field.sdf < 0) & np.isin(field.owner, still)
         cells = np.argwhere((field.sdf < 0) & (field.owner == k))
@@ -95,6 +100,42 @@ def with_clean_rooms(
             field.sdf[:], field.owner[:] = before
     with_flat_frames(field, fronts, still)
     return field
+
+
+def _hollow_blocks(
+    field: DenseField,
+    boxes: np.ndarray,
+    joints: Sequence[Joint],
+    parents: Sequence[int],
+    still: Sequence[int],
+) -> None:
+    """In place: a block behind a closed door becomes a room of the door's width and height: there
+    is something that a door closes. What lies below a lid, or behind a small door, may be a block.
+    """
+    for k in range(len(boxes)):
+        body = (field.sdf < 0) & np.isin(field.owner, still)
+        cells = np.argwhere((field.sdf < 0) & (field.owner == k))
+        if k in still or parents[k] not in still or not len(cells) or not body.any():
+            continue
+        door = closed_door(cells, boxes[k], joints[k], body)
+        if door is None or door.axis == 2 or not _is_closed(joints[k], cells, body):
+            continue
+        behind = _behind(door, body)
+        shown, whose = behind.seen(field.sdf), behind.seen(field.owner)
+        solid = (shown < 0) & np.isin(whose, still)
+        inner = solid[:-SHELL, SHELL:-SHELL, SHELL:-SHELL]
+        if inner.size < LARGE * field.sdf.size or inner[SHELL:].mean() < BLOCK:
+            continue
+        clear = np.zeros_like(solid)
+        clear[:-SHELL, SHELL:-SHELL, SHELL:-SHELL] = inner
+        _carve(shown, solid, clear)
+
+
+def _carve(shown: np.ndarray, solid: np.ndarray, clear: np.ndarray) -> None:
+    """In place: cells that are to be free; the wall begins between them and what is beside them."""
+    edge = np.asarray(ndimage.binary_dilation(clear), bool) & solid & ~clear
+    shown[edge] = np.minimum(shown[edge], -SOLID)
+    shown[clear] = SOLID
 
 
 def _is_closed(joint: Joint, cells: np.ndarray, body: np.ndarray) -> bool:
