@@ -1,6 +1,7 @@
 """What is refused before anything is trained or written."""
 
 import dataclasses
+from pathlib import Path
 
 import pytest
 from toy_stages import DEBUG, toy
@@ -8,8 +9,12 @@ from toy_stages import DEBUG, toy
 from uniart_jax import stages
 from uniart_jax.cli import load_config
 from uniart_jax.config import NETWORKS
+from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.runtime.locks import exclusive_lock
+from uniart_jax.stages.checks import check_found
 from uniart_jax.stages.trainer import trainable
+
+ROOT = Path(__file__).parents[2]
 
 
 @pytest.mark.parametrize(
@@ -56,3 +61,19 @@ def test_dinov2_is_not_a_stage_and_features_must_be_there(tmp_path):
     with pytest.raises(FileNotFoundError, match=r"absent: no such folder; .* uniart prepare"):
         stages.run(dataclasses.replace(paper, data=absent), NETWORKS, tmp_path / "work")
     assert not (tmp_path / "work").exists()
+
+
+def test_flows_are_told_which_cameras_they_are_trained_through(tmp_path, capsys):
+    nano, exported = load_config(ROOT / "configs" / "nano.py"), Checkpoint.of_workdir(tmp_path)
+    plain = dataclasses.replace(nano.model.structure_flow, pixel_channels=0)
+    without = dataclasses.replace(nano.model, structure_flow=plain)
+    found = dataclasses.replace(nano.loss, found=0.5)
+    for config, name, told in (
+        (nano, "structure_flow", True),
+        (nano, "latent_flow", True),
+        (nano, "uniart_vae", False),
+        (dataclasses.replace(nano, model=without), "structure_flow", False),
+        (dataclasses.replace(nano, loss=found), "structure_flow", False),
+    ):
+        check_found(config, [stages.STAGES[name]], exported, ["layout"])
+        assert ("through the image encoder's cameras" in capsys.readouterr().err) == told

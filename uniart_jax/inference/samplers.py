@@ -242,11 +242,10 @@ def join_views(condition: Condition, items: int = 1) -> Condition:
 
 
 def reads_layout_cameras(model: ModelConfig) -> bool:
-    """Whether flows see the first view of an image through its layout's camera in place of the
-    image encoder's: where there are layouts and the structure flow reads pixels. The latent flow
-    then reads through it too, also one that was trained on the encoder's."""
-    layouts = model.layout.queries and model.structure_flow.layout_channels
-    return bool(layouts and model.structure_flow.pixel_channels)
+    """Whether flows see the first view of an image through its layout's camera, where it has one,
+    in place of the image encoder's: where the structure flow reads pixels. The latent flow then
+    reads through it too, also one that was trained on the encoder's."""
+    return model.structure_flow.pixel_channels > 0
 
 
 def with_layout_cameras(condition: Condition, cameras: jax.Array) -> Condition:

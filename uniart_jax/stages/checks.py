@@ -118,7 +118,8 @@ def check_found(
             f"{exported.folder}/layout.safetensors: loss.found needs it and it is not there; "
             "train it first: --stage layout, or give a checkpoint that has it as --init"
         )
-    if not share and reads_layout_cameras(model) and any(stage.latent for stage in stages):
+    flows, through = any(s.latent for s in stages), reads_layout_cameras(model)
+    if flows and through and model.layout.queries and not share:
         console.print(
             "flows are trained through the image encoder's cameras, but sampled through the "
             "layout's; give loss.found above 0 once there is a layout network",
