@@ -95,7 +95,7 @@ def check_found(
     config: Config, stages: Sequence[Stage], exported: Checkpoint, copied: Sequence[str]
 ) -> None:
     """Whether layouts can be found for the networks that are to be shown them (``loss.found``);
-    without that, flows that are sampled through layouts' cameras are told of.
+    without that, those are told of that sampling sees through layouts' cameras.
 
     Args:
       exported: of the training. copied: networks that it will get from another checkpoint.
@@ -118,11 +118,11 @@ def check_found(
             f"{exported.folder}/layout.safetensors: loss.found needs it and it is not there; "
             "train it first: --stage layout, or give a checkpoint that has it as --init"
         )
-    flows, through = any(s.latent for s in stages), reads_layout_cameras(model)
-    if flows and through and model.layout.queries and not share:
+    through = model.layout.queries and reads_layout_cameras(model)
+    if shown and through and not share and distributed.is_first():
         console.print(
-            "flows are trained through the image encoder's cameras, but sampled through the "
-            "layout's; give loss.found above 0 once there is a layout network",
+            f"{', '.join(shown)}: trained through the image encoder's cameras, but flows are "
+            "sampled through the layout's; give loss.found above 0 once there is a layout network",
             style="yellow",
             markup=False,
         )

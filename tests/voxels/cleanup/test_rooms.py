@@ -139,8 +139,22 @@ def test_a_block_behind_a_closed_door_is_hollowed():
         assert (np.abs(after.sdf) >= ZERO).all()
 
 
+def test_a_block_behind_a_round_door_or_a_small_one_and_below_a_lid_stays():
+    disc = (AT[1] - 32) ** 2 + (AT[2] - 32) ** 2 < 24**2
+    rounded = field_of(block(*CASE), np.where(disc, block(*DOOR), 2.0))
+    assert wrong(cleaned(rounded), rounded) == 0
+    small = ((10.3, 22.3, 22.3), (13.3, 42.3, 42.3))
+    joint = Joint(place_of((10.3, 22.3, 30)), (0.0, 0, 1), angle=(0.0, 1.5))
+    field = field_of(block(*CASE), block(*small))
+    assert wrong(cleaned(field, joint, small), field, margin=-1.0) == 0
+    lid = ((14.3, 8.3, 56.8), (56.3, 56.3, 60.3))
+    joint = Joint(place_of((56.3, 30, 60.3)), (0.0, 1, 0), angle=(0.0, 1.5))
+    field = field_of(block(*CASE), block(*lid))
+    assert wrong(cleaned(field, joint, lid), field, margin=-1.0) == 0
+
+
 def test_what_is_full_stays_full():
-    half_open = Joint(SWINGS.origin, SWINGS.direction, angle=(-1.0, 0.5))
+    half_open = Joint(SWINGS.origin, SWINGS.direction, angle=(-0.1, 1.4))
     field = field_of(block(*CASE), block(*DOOR))
     assert wrong(cleaned(field, half_open), field) == 0  # shown open
     sparse = cabinet(noise(5, 0.03) & (block(*ROOM) < 0))

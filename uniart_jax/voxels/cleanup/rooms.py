@@ -21,6 +21,7 @@ from uniart_jax.objects.kinematics import Joint
 from uniart_jax.voxels.cleanup.column_maps import corners
 from uniart_jax.voxels.cleanup.frames import with_flat_frames
 from uniart_jax.voxels.cleanup.fronts import (
+    WHOLE,
     Front,
     closed_door,
     drawer_front,
@@ -110,7 +111,8 @@ def _hollow_blocks(
     still: Sequence[int],
 ) -> None:
     """In place: a block behind a closed door becomes a room of the door's width and height: there
-    is something that a door closes. What lies below a lid, or behind a small door, may be a block.
+    is something that a door closes. What lies below a lid, or behind a small door, may be a block,
+    and behind a round one is no box.
     """
     for k in range(len(boxes)):
         body = (field.sdf < 0) & np.isin(field.owner, still)
@@ -120,11 +122,16 @@ def _hollow_blocks(
         door = closed_door(cells, boxes[k], joints[k], body)
         if door is None or door.axis == 2 or not _is_closed(joints[k], cells, body):
             continue
+        plate = door.seen((field.sdf < 0) & (field.owner == k)).any(0)
+        if np.asarray(ndimage.binary_fill_holes(plate), bool).mean() < WHOLE:  # a round one
+            continue
         behind = _behind(door, body)
         shown, whose = behind.seen(field.sdf), behind.seen(field.owner)
         solid = (shown < 0) & np.isin(whose, still)
         inner = solid[:-SHELL, SHELL:-SHELL, SHELL:-SHELL]
-        if inner.size < LARGE * field.sdf.size or inner[SHELL:].mean() < BLOCK:
+        if len(inner) <= SHELL or inner.size < LARGE * field.sdf.size:
+            continue
+        if inner[SHELL:].mean() < BLOCK:
             continue
         clear = np.zeros_like(solid)
         clear[:-SHELL, SHELL:-SHELL, SHELL:-SHELL] = inner
