@@ -17,7 +17,7 @@ from uniart_jax.inference.samplers import make_layout_finder
 from uniart_jax.models.network import build
 from uniart_jax.nn.grids import flow_plan
 from uniart_jax.training.found_layouts import show_found
-from uniart_jax.training.vae_losses import make_uniart_vae_loss
+from uniart_jax.training.vae_losses import make_sampled_latents, make_uniart_vae_loss
 
 LAYOUT = LayoutConfig(
     queries=4, backbone="convolutions", map_channels=8, width=16, layers=1, heads=2,
@@ -109,3 +109,22 @@ def test_what_is_shown_is_what_the_network_finds():
     rows = show(batch, found, 1.0, jax.random.key(0)).layout_rows
     for row, count in zip(np.asarray(rows), batch.part_counts, strict=True):
         assert row[:count].tolist() == list(range(count)) and (row[count:] == -1).all()
+
+
+def test_sampled_latents_are_seen_through_the_cameras_found_with_layouts():
+    """Where the structure flow reads pixels, and of items that have a layout."""
+    reads = lambda flow: dataclasses.replace(flow, pixel_channels=4)  # noqa: E731
+    latent = {"latent_flow": reads(MODEL.latent_flow)}
+    both = latent | {"structure_flow": reads(MODEL.structure_flow)}
+    batch, zero = make_batch(), np.zeros(4, np.float32)
+    batch = batch._replace(layout=batch.layout._replace(counts=np.array([3, 0], np.int32)))
+    front = np.tile(np.float32([0.6, 0.8, 0.4, 1.6, 0.3, 0, 0]), (2, 1))
+    for networks, moved in ((latent, [False, False]), (both, [True, False])):
+        model = dataclasses.replace(MODEL, **networks)
+        sample = make_sampled_latents(Config(model=model), zero, zero + 1)
+        frozen = [init(build(name, model)) for name in ("image_encoder", "latent_flow")]
+        one, other = (
+            np.asarray(sample(frozen, batch, jax.random.key(0), cameras))
+            for cameras in (front, front * np.float32([-1, 1, 1, 1, 1, 1, 1]))
+        )
+        assert [(a != b).any() for a, b in zip(one, other, strict=True)] == moved
