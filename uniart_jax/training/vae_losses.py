@@ -144,7 +144,6 @@ def make_sampled_latents(config: Config, mean: Any, std: Any) -> Callable[..., j
     model = config.model
     condition = make_conditioner(model)
     run = make_latent_sampler(model, dataclasses.replace(config.sample_latent, steps=1))
-
     through = reads_layout_cameras(model)
 
     def sample(frozen, batch, key, cameras):

@@ -154,9 +154,9 @@ def test_a_block_behind_a_round_door_or_a_small_one_and_below_a_lid_stays():
 
 
 def test_what_is_full_stays_full():
-    half_open = Joint(SWINGS.origin, SWINGS.direction, angle=(-0.1, 1.4))
+    ajar = Joint(SWINGS.origin, SWINGS.direction, angle=(-0.1, 1.4))
     field = field_of(block(*CASE), block(*DOOR))
-    assert wrong(cleaned(field, half_open), field) == 0  # shown open
+    assert wrong(cleaned(field, ajar), field) == 0
     sparse = cabinet(noise(5, 0.03) & (block(*ROOM) < 0))
     assert wrong(cleaned(sparse), sparse) == 0  # more solid than free
 

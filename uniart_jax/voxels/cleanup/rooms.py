@@ -11,7 +11,7 @@ stay as they are.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -73,11 +73,7 @@ def with_clean_rooms(
     field = dataclasses.replace(field, sdf=field.sdf.copy(), owner=field.owner.copy())
     still, fronts = still_parts(parents, joints), []
     _hollow_blocks(field, boxes, joints, parents, still)
-    for k in range(len(boxes)):
-        body = (field.sdf < 0) & np.isin(field.owner, still)
-        cells = np.argwhere((field.sdf < 0) & (field.owner == k))
-        if k in still or parents[k] not in still or not len(cells) or not body.any():
-            continue
+    for k, cells, body in _on_the_body(field, len(boxes), parents, still):
         before = field.sdf.copy(), field.owner.copy()
         drawer = drawer_front(cells, boxes[k], joints[k], body)
         if drawer is not None:
@@ -103,6 +99,20 @@ def with_clean_rooms(
     return field
 
 
+def _on_the_body(
+    field: DenseField, count: int, parents: Sequence[int], still: Sequence[int]
+) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
+    """Of the first ``count`` parts those that move on what does not, one after the other, as the
+    field is by then: the part, its cells [n, 3], and the cells [X, Y, Z] of what does not move."""
+    for k in range(count):
+        if k in still or parents[k] not in still:
+            continue
+        body = (field.sdf < 0) & np.isin(field.owner, still)
+        cells = np.argwhere((field.sdf < 0) & (field.owner == k))
+        if len(cells) and body.any():
+            yield k, cells, body
+
+
 def _hollow_blocks(
     field: DenseField,
     boxes: np.ndarray,
@@ -114,11 +124,7 @@ def _hollow_blocks(
     is something that a door closes. What lies below a lid, or behind a small door, may be a block,
     and behind a round one is no box.
     """
-    for k in range(len(boxes)):
-        body = (field.sdf < 0) & np.isin(field.owner, still)
-        cells = np.argwhere((field.sdf < 0) & (field.owner == k))
-        if k in still or parents[k] not in still or not len(cells) or not body.any():
-            continue
+    for k, cells, body in _on_the_body(field, len(boxes), parents, still):
         door = closed_door(cells, boxes[k], joints[k], body)
         if door is None or door.axis == 2 or not _is_closed(joints[k], cells, body):
             continue
@@ -135,12 +141,13 @@ def _hollow_blocks(
             continue
         clear = np.zeros_like(solid)
         clear[:-SHELL, SHELL:-SHELL, SHELL:-SHELL] = inner
-        _carve(shown, solid, clear)
+        _carve(shown, solid, clear, clear)
 
 
-def _carve(shown: np.ndarray, solid: np.ndarray, clear: np.ndarray) -> None:
-    """In place: cells that are to be free; the wall begins between them and what is beside them."""
-    edge = np.asarray(ndimage.binary_dilation(clear), bool) & solid & ~clear
+def _carve(shown: np.ndarray, solid: np.ndarray, clear: np.ndarray, changed: np.ndarray) -> None:
+    """In place: cells that are to be free. The surface lies between ``changed`` cells and solid
+    ones beside them."""
+    edge = np.asarray(ndimage.binary_dilation(changed), bool) & solid & ~clear
     shown[edge] = np.minimum(shown[edge], -SOLID)
     shown[clear] = SOLID
 
@@ -220,10 +227,7 @@ def _clean(field: DenseField, parts: Sequence[int], opening: Front, ends: bool =
     else:
         _flat_rim(solid, room, fill, clear)
     fill &= (shown > 0) & ~np.asarray(ndimage.binary_dilation(others), bool)
-    # so that the walls lie between the cells
-    edge = np.asarray(ndimage.binary_dilation(clear | fill), bool) & solid & ~clear
-    shown[edge] = np.minimum(shown[edge], -SOLID)
-    shown[clear] = SOLID
+    _carve(shown, solid, clear, clear | fill)
     whose[fill] = np.bincount(whose[solid]).argmax()
     shown[fill] = -SOLID
 
