@@ -12,6 +12,7 @@ from solids import box_of, box_sdf, grid_of
 
 from uniart_jax.objects.appearance import linear_to_srgb
 from uniart_jax.objects.kinematics import Joint
+from uniart_jax.objects.object import ArticulatedObject, Part
 from uniart_jax.procedural import generate
 from uniart_jax.voxels.assemble import _within_boxes, assemble
 from uniart_jax.voxels.grid import VoxelGrid
@@ -55,6 +56,24 @@ def test_a_sealed_hollow_box_is_hollow():
     assert mesh.body_count == 2  # outer and inner shell
     expected = np.prod(high - low) - np.prod(high - low - 2 * wall)
     assert mesh.volume == pytest.approx(expected, rel=0.06)
+
+
+@pytest.mark.parametrize("short", [0.001, 0.01, 0.02])
+def test_what_no_voxel_shows_is_room_behind_flush_walls_and_solid_below_a_skin(short):
+    """Walls end, and a block begins, just short of the next voxels (``short`` of a sub-cell's
+    .031): the sub-cells beside those all lie in the wall, or all outside of the block."""
+    room = trimesh.creation.box(bounds=np.array([[-1], [1]]) * np.full(3, 3 / 8 + short))
+    outer = trimesh.creation.box(bounds=[[-0.5] * 3, [0.5] * 3])
+    walls = outer.copy() + trimesh.Trimesh(room.vertices, room.faces[:, ::-1])
+    for mesh, voxels, volume in (
+        (walls, 8**3 - 6**3, 1 - room.volume),
+        (room, 8**3 - 6**3, room.volume),
+    ):
+        grid = voxelize(ArticulatedObject((Part("it", mesh),)), 8, 4)
+        assert len(grid.coords) == voxels  # none beyond the walls, or below the skin
+        made = assemble(grid.gather()).parts[0].mesh
+        assert_closed(made)
+        assert made.volume == pytest.approx(volume, rel=0.06)
 
 
 @pytest.mark.parametrize("plane", [0.0, 0.01, -0.013, CELL / 2])

@@ -16,14 +16,13 @@ clouds": with singular values s1 >= s2 >= s3, (s1 - s2) / s1, (s2 - s3) / s1, s3
 
 from __future__ import annotations
 
-from typing import cast
-
 import numpy as np
 from scipy import ndimage
 
 from uniart_jax.data.columns import half
 from uniart_jax.data.records import Record, decode_sdf
 from uniart_jax.voxels.grid import SDF_CLIP, subcell_indices
+from uniart_jax.voxels.isosurface import unknown_regions
 
 SCALES = (1.0, 2.0, 4.0)  # voxels, deviations of the neighbourhoods' Gaussians
 OF_SCALE = 7
@@ -57,22 +56,13 @@ def geometric_features(record: Record) -> np.ndarray:
 
 
 def _dense(record: Record, index: np.ndarray, sdf: np.ndarray) -> np.ndarray:
-    """[n, n, n] distances of all sub-cells. A connected region of voxels without any is inside if
-    most sub-cells that it borders on are."""
+    """[n, n, n] distances of all sub-cells; what lies between the active voxels is inside or
+    outside as in ``voxels.isosurface``."""
     side, cells = record.resolution, record.subdivisions
     coords = record.coords.astype(np.int32)
-    empty = np.ones((side,) * 3, bool)
-    empty[tuple(coords.T)] = False
-    regions, count = cast("tuple[np.ndarray, int]", ndimage.label(empty))
-    block = np.sign(sdf).reshape(-1, cells, cells, cells)
-    votes = np.zeros(count + 1)
-    for axis in range(3):
-        for step, face in ((-1, 0), (1, cells - 1)):
-            at = coords + step * np.eye(3, dtype=np.int32)[axis]
-            within = ((at >= 0) & (at < side)).all(1)
-            ballot = np.take(block, face, axis + 1).sum((1, 2))[within]
-            votes += np.bincount(regions[tuple(at[within].T)], ballot, count + 1)
-    far = np.where(votes < 0, -SDF_CLIP, SDF_CLIP).astype(np.float32)[regions]
+    nobody = np.zeros((len(coords), cells**3), np.int16)
+    regions, inside, _ = unknown_regions(coords, side, sdf, nobody, cells)
+    far = np.where(inside, -SDF_CLIP, SDF_CLIP).astype(np.float32)[regions]
     dense = far.repeat(cells, 0).repeat(cells, 1).repeat(cells, 2)
     dense[tuple(index.reshape(-1, 3).T)] = sdf.reshape(-1)
     return dense

@@ -5,8 +5,8 @@ of sub-cells. What lies between the active voxels is unknown to the representati
 first:
 
 * every connected component of inactive voxels takes the majority sign of the sub-cells that touch
-  it, and the owner that most of its negative touching sub-cells have; a component that touches the
-  grid's border is outside, as is one layer around the grid;
+  it, each extrapolated one sub-cell into it (``DEEP``), and the owner that most of its negative
+  ones have; a component that touches the grid's border is outside, as is one layer around the grid;
 * its magnitude is max(1/2, 1 - |neighbour|), so that the surface lies where a linear distance would
   put it;
 * |phi| < 1e-4 becomes -1e-4: no vertex falls onto a lattice point, where several would coincide.
@@ -37,6 +37,9 @@ from uniart_jax.objects.appearance import linear_to_srgb
 from uniart_jax.voxels.grid import PartGrid, VoxelGrid, connected, dilated, occupancy
 
 ZERO = 1e-4  # sub-cells; distances below this count as just inside
+# a sub-cell beside an inactive voxel counts as inside if its distance, extrapolated by one
+# sub-cell, is below minus this: in a solid distances fall on, in a wall that ends there they rise
+DEEP = 0.25
 SPECK_CELLS = 16  # a loose piece of a part is dropped if it has fewer sub-cells than this
 SPECK_SHARE = 0.002  # and less than this share of the part's
 FACE_BUDGET = 60_000  # of all parts together
@@ -76,7 +79,7 @@ def dense_field(grid: VoxelGrid | PartGrid, owner: np.ndarray) -> DenseField:
     sdf = np.where(np.abs(sdf) < ZERO, np.float32(-ZERO), sdf)
     known = np.arange(sdf.size, dtype=np.int32).reshape(sdf.shape)
 
-    labels, inside, part = _components(coords, resolution, sdf, np.asarray(owner), r)
+    labels, inside, part = unknown_regions(coords, resolution, sdf, np.asarray(owner), r)
     coarse_sign = np.where(inside, np.float32(-1), np.float32(1))[labels]
     dense = _repeat(coarse_sign, r)
     dense_owner = _repeat(part.astype(np.int16)[labels], r)
@@ -231,9 +234,19 @@ def _apart(points: np.ndarray, faces: np.ndarray) -> np.ndarray:
     return np.where(shared[:, None], points + NUDGE * way, points)
 
 
-def _components(coords, resolution: int, sdf: np.ndarray, owner: np.ndarray, r: int):
-    """Labels [R, R, R] of the components of inactive voxels (0: active), and per label whether
-    inside and whose."""
+def unknown_regions(
+    coords: np.ndarray, resolution: int, sdf: np.ndarray, owner: np.ndarray, r: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What lies between the active voxels (see the module's docstring).
+
+    Args:
+      coords: [V, 3] active voxels of R a side. sdf: [V, r^3] in sub-cells. owner: [V, r^3] ids of
+        parts.
+
+    Returns:
+      Labels [R, R, R] of the components of inactive voxels (0: active), and per label whether it is
+      inside and whose (-1: nobody's).
+    """
     active = occupancy(coords, resolution)
     labels = connected(~active)
     count = int(labels.max())
@@ -252,8 +265,10 @@ def _components(coords, resolution: int, sdf: np.ndarray, owner: np.ndarray, r: 
         label[valid] = labels[tuple(neighbour[valid].T)]
         touching = np.nonzero(label)[0]
         face: list[Any] = [slice(None)] * 3
-        face[axis] = r - 1 if side > 0 else 0
-        inside = cells_sdf[(touching, *face)].reshape(len(touching), r * r) < 0
+        deeper: list[Any] = [slice(None)] * 3
+        face[axis], deeper[axis] = (r - 1, max(r - 2, 0)) if side > 0 else (0, min(1, r - 1))
+        last, before = cells_sdf[(touching, *face)], cells_sdf[(touching, *deeper)]
+        inside = (2 * last - before).reshape(len(touching), r * r) < -DEEP
         whose = cells_owner[(touching, *face)].reshape(len(touching), r * r)
         slot = label[touching][:, None] * parts + whose
         negative += np.bincount(slot[inside], minlength=len(negative))

@@ -4,14 +4,13 @@ A network draws what a closed door hides as the mean of all that could be there:
 crumbs in the middle, ragged rims. What can be told of it is how wide, high and deep the room is,
 and whether a shelf goes through it. So each room becomes a box: its walls lie where most lines
 meet them, a layer across it that is mostly solid becomes a whole shelf, and all else in it goes.
-Where a block is drawn behind a closed door, it is hollowed. Round rooms, and what hardly is a room,
-stay as they are.
+Round rooms, and what hardly is a room, stay as they are.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -21,7 +20,6 @@ from uniart_jax.objects.kinematics import Joint
 from uniart_jax.voxels.cleanup.column_maps import corners
 from uniart_jax.voxels.cleanup.frames import with_flat_frames
 from uniart_jax.voxels.cleanup.fronts import (
-    WHOLE,
     Front,
     closed_door,
     drawer_front,
@@ -45,9 +43,6 @@ SHELF = 0.35  # share of a layer that is solid, where there is a shelf, and of i
 THICKNESS = 2  # of walls where they have gaps
 BENT = 3.0  # that a straight wall's ends reach in farther than its middle at most
 ENCLOSED = 3  # walls, from which on what they enclose is a room
-BLOCK = 0.85  # share of what is behind a door that is solid at least where it is a block
-SHELL = 4  # walls of a block that is hollowed
-LARGE = 0.04  # share of the grid's cells that its room has at least: a camera's body is a block
 KEPT = 0.5  # share of a part's cells below which all is left as it was: racks are all gaps
 CORNER = 0.12  # of the sides: a round room does not reach so far into its corners
 # from its closed end, from which on a door (radians) or a drawer (object units) is not shown closed
@@ -72,8 +67,11 @@ def with_clean_rooms(
     """
     field = dataclasses.replace(field, sdf=field.sdf.copy(), owner=field.owner.copy())
     still, fronts = still_parts(parents, joints), []
-    _hollow_blocks(field, boxes, joints, parents, still)
-    for k, cells, body in _on_the_body(field, len(boxes), parents, still):
+    for k in range(len(boxes)):
+        body = (field.sdf < 0) & np.isin(field.owner, still)
+        cells = np.argwhere((field.sdf < 0) & (field.owner == k))
+        if k in still or parents[k] not in still or not len(cells) or not body.any():
+            continue
         before = field.sdf.copy(), field.owner.copy()
         drawer = drawer_front(cells, boxes[k], joints[k], body)
         if drawer is not None:
@@ -97,59 +95,6 @@ def with_clean_rooms(
             field.sdf[:], field.owner[:] = before
     with_flat_frames(field, fronts, still)
     return field
-
-
-def _on_the_body(
-    field: DenseField, count: int, parents: Sequence[int], still: Sequence[int]
-) -> Iterator[tuple[int, np.ndarray, np.ndarray]]:
-    """Of the first ``count`` parts those that move on what does not, one after the other, as the
-    field is by then: the part, its cells [n, 3], and the cells [X, Y, Z] of what does not move."""
-    for k in range(count):
-        if k in still or parents[k] not in still:
-            continue
-        body = (field.sdf < 0) & np.isin(field.owner, still)
-        cells = np.argwhere((field.sdf < 0) & (field.owner == k))
-        if len(cells) and body.any():
-            yield k, cells, body
-
-
-def _hollow_blocks(
-    field: DenseField,
-    boxes: np.ndarray,
-    joints: Sequence[Joint],
-    parents: Sequence[int],
-    still: Sequence[int],
-) -> None:
-    """In place: a block behind a closed door becomes a room of the door's width and height: there
-    is something that a door closes. What lies below a lid, or behind a small door, may be a block,
-    and behind a round one is no box.
-    """
-    for k, cells, body in _on_the_body(field, len(boxes), parents, still):
-        door = closed_door(cells, boxes[k], joints[k], body)
-        if door is None or door.axis == 2 or not _is_closed(joints[k], cells, body):
-            continue
-        plate = door.seen((field.sdf < 0) & (field.owner == k)).any(0)
-        if np.asarray(ndimage.binary_fill_holes(plate), bool).mean() < WHOLE:  # a round one
-            continue
-        behind = _behind(door, body)
-        shown, whose = behind.seen(field.sdf), behind.seen(field.owner)
-        solid = (shown < 0) & np.isin(whose, still)
-        inner = solid[:-SHELL, SHELL:-SHELL, SHELL:-SHELL]
-        if len(inner) <= SHELL or inner.size < LARGE * field.sdf.size:
-            continue
-        if inner[SHELL:].mean() < BLOCK:
-            continue
-        clear = np.zeros_like(solid)
-        clear[:-SHELL, SHELL:-SHELL, SHELL:-SHELL] = inner
-        _carve(shown, solid, clear, clear)
-
-
-def _carve(shown: np.ndarray, solid: np.ndarray, clear: np.ndarray, changed: np.ndarray) -> None:
-    """In place: cells that are to be free. The surface lies between ``changed`` cells and solid
-    ones beside them."""
-    edge = np.asarray(ndimage.binary_dilation(changed), bool) & solid & ~clear
-    shown[edge] = np.minimum(shown[edge], -SOLID)
-    shown[clear] = SOLID
 
 
 def _is_closed(joint: Joint, cells: np.ndarray, body: np.ndarray) -> bool:
@@ -227,7 +172,10 @@ def _clean(field: DenseField, parts: Sequence[int], opening: Front, ends: bool =
     else:
         _flat_rim(solid, room, fill, clear)
     fill &= (shown > 0) & ~np.asarray(ndimage.binary_dilation(others), bool)
-    _carve(shown, solid, clear, clear | fill)
+    # so that the walls lie between the cells
+    edge = np.asarray(ndimage.binary_dilation(clear | fill), bool) & solid & ~clear
+    shown[edge] = np.minimum(shown[edge], -SOLID)
+    shown[clear] = SOLID
     whose[fill] = np.bincount(whose[solid]).argmax()
     shown[fill] = -SOLID
 
