@@ -123,11 +123,13 @@ def test_command_writes_figures_and_pictures(tmp_path, tests):
 
 def test_families_are_drawn_by_name(tmp_path):
     found = judging.evaluate_layout(
-        "nano", tmp_path / "out", count=3, families=("kettle", "jar"), predictor=Box()
-    )
+        "nano", tmp_path / "out", count=3, families=("kettle", "jar"), first_seed=900_500,
+        predictor=Box(),
+    )  # fmt: skip
     assert set(found["families"]) == {"kettle", "jar"}
     kept = json.loads((tmp_path / "out" / "metrics.json").read_text())
     assert kept["settings"]["families"] == ["kettle", "jar"]
+    assert kept["settings"]["first_seed"] == 900_500
     assert found["families"]["kettle"]["objects"] == 2
     with pytest.raises(ValueError, match="no family 'mug'; there are"):
         judging.evaluate_layout(

@@ -8,6 +8,7 @@ import pytest
 from uniart_jax import procedural
 from uniart_jax.config import ImageEncoderConfig, ModelConfig
 from uniart_jax.evaluation.procedural import (
+    check_first_seed,
     evaluate_representation,
     held_out,
     held_out_for,
@@ -22,6 +23,16 @@ def test_held_out_objects_are_drawn_alike_and_never_trained_on():
     assert np.array_equal(one.image, again.image)
     assert np.array_equal(one.grid.coords, again.grid.coords)
     assert held_out(0, unseen=True).family in procedural.UNSEEN_FAMILIES
+
+
+def test_validation_objects_are_others_and_never_trained_on_either():
+    test = held_out(3, first_seed=900_000)
+    assert (test.seed, test.family) == (900_003, procedural.SEEN_FAMILIES[3])
+    assert not np.array_equal(test.image, held_out(3).image)
+    for seed in (899_999, 10_000_000):
+        with pytest.raises(ValueError, match=f"seed {seed} may have been trained on; give"):
+            check_first_seed(seed)
+    check_first_seed(900_000)
 
 
 def test_their_pictures_are_larger_than_what_networks_see():

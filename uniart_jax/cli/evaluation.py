@@ -39,6 +39,7 @@ def evaluate(
     cache: Path | None = None,
     unseen: bool = False,
     families: tuple[str, ...] = (),
+    first_seed: int | None = None,
     backgrounds: bool = False,
     processes: int | None = None,
     engines: Engines | None = None,
@@ -78,6 +79,9 @@ def evaluate(
           OUT/objects).
         unseen: The families that are never trained on, instead of the trained ones.
         families: layout, procedural: these families of objects, in turn (docs/data.md).
+        first_seed: layout, procedural: of the first object, in place of 1,000,000. To choose
+          weights or rules by, give one from 900,000 on: validation objects, which nothing is
+          trained on either.
         backgrounds: layout: each object in front of a random background, cut out of it as a
           photograph is.
         processes: Worker processes beside the networks' own (default: one a core, at most 8).
@@ -105,6 +109,7 @@ def evaluate(
             cache=cache,
             unseen=unseen,
             families=families,
+            first_seed=first_seed,
             backgrounds=backgrounds,
             engines=engines,
         )
@@ -128,6 +133,10 @@ def evaluate(
         from uniart_jax.procedural import check_families
 
         check_families(families)
+    if first_seed is not None:
+        from uniart_jax.evaluation.procedural import check_first_seed
+
+        check_first_seed(first_seed)
     if what != "baselines":
         _refuse(what, library=library)
     if library is None:
@@ -137,18 +146,18 @@ def evaluate(
         if root is None:
             _refuse(what, allow_outside=allow_outside, cache=cache)
         else:
-            _refuse(f"{what} ROOT", unseen=unseen, families=families)
+            _refuse(f"{what} ROOT", unseen=unseen, families=families, first_seed=first_seed)
         from uniart_jax.evaluation.layout import evaluate_layout
 
         evaluate_layout(
             checkpoint or "nano", out, root=root, count=count, unseen=unseen, families=families,
             pred=pred, cache=cache, allow_outside=allow_outside, processes=workers,
-            backgrounds=backgrounds,
+            backgrounds=backgrounds, first_seed=first_seed,
         )  # fmt: skip
         return
     _refuse(what, pred=pred, cache=cache, backgrounds=backgrounds)
     if what != "procedural":
-        _refuse(what, families=families)
+        _refuse(what, families=families, first_seed=first_seed)
     if what == "baselines":
         _refuse(what, pictures=pictures, engines=engines)
         if library is None:
@@ -223,6 +232,7 @@ def evaluate(
             records=records,
             pictures=16 if pictures is None else pictures,
             families=families,
+            first_seed=first_seed,
             **share,
         )
 

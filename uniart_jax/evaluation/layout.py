@@ -32,6 +32,7 @@ from uniart_jax.inference.layouts import load_layout_predictor
 from uniart_jax.inference.masks import load_mask_predictor
 from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.objects.thresholds import FOUND
+from uniart_jax.procedural import HELD_OUT_SEED
 from uniart_jax.runtime.progress import messages, track
 from uniart_jax.visual.layout_picture import contact_sheet, draw_layout
 from uniart_jax.voxels.layout import Layout
@@ -147,6 +148,7 @@ def evaluate_layout(
     count: int | None = None,
     unseen: bool = False,
     families: tuple[str, ...] = (),
+    first_seed: int | None = None,
     pred: Path | None = None,
     cache: Path | None = None,
     allow_outside: bool = False,
@@ -160,6 +162,7 @@ def evaluate_layout(
     Args:
       out: gets metrics.json and layouts.png. count: objects (default ``COUNT`` held-out ones, or
         all assets). families: of the held-out ones, in turn, in place of a split's.
+      first_seed: of the first of them (default ``HELD_OUT_SEED``).
       cache: keeps the assets' pictures (default OUT/objects).
       backgrounds: each object stands in front of a random background, and is cut out of it as a
         photograph is (``evaluation.photographed``). predictor: in place of the
@@ -180,8 +183,13 @@ def evaluate_layout(
     tests: list[HeldOut] | list[RealObject]
     if root is None:
         count = COUNT if count is None else count
-        make = functools.partial(held_out, unseen=unseen, families=families, image_size=side)
-        settings |= {"families": families} if families else {}
+        drawn_from = {
+            "unseen": unseen,
+            "families": families,
+            "first_seed": first_seed or HELD_OUT_SEED,
+        }
+        make = functools.partial(held_out, **drawn_from, image_size=side)
+        settings |= drawn_from
         tests = list(run(make, range(count), "held-out objects", processes=processes))
         shown = list(range(min(SHOWN, count)))
     else:

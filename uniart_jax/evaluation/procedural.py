@@ -1,8 +1,9 @@
 """Quality after each pipeline stage (VAE, latent flow, image to object), compared with retrieval
 and with the representation's upper bound.
 
-Held-out procedural objects: one object a seed from ``HELD_OUT_SEED`` on, families in turn, a
-random shown state, one rendered view, one sample. Rows of the table:
+Held-out procedural objects: one object a seed from ``HELD_OUT_SEED`` on (or from another first
+seed: weights and rules are chosen on validation objects), families in turn, a random shown state,
+one rendered view, one sample. Rows of the table:
 
     representation     truth -> voxels -> object
     vae                truth -> voxels -> UniArt VAE -> object
@@ -29,7 +30,7 @@ import numpy as np
 from rich.table import Table
 
 from uniart_jax import procedural
-from uniart_jax.config import ModelConfig
+from uniart_jax.config import DataConfig, ModelConfig
 from uniart_jax.data.images import PICTURE_SIDE
 from uniart_jax.evaluation.geometry import object_chamfer
 from uniart_jax.evaluation.parts import PartScores, compare_parts, summarize
@@ -87,6 +88,16 @@ class HeldOut:
     sight: np.ndarray | None = None
 
 
+def check_first_seed(seed: int) -> None:
+    """ValueError if objects from a seed on may have been trained on."""
+    low, beyond = DataConfig.validation_seed, 10 * procedural.HELD_OUT_SEED  # data.layouts
+    if not low <= seed < beyond:
+        raise ValueError(
+            f"evaluate: objects of seed {seed} may have been trained on; give --first-seed from "
+            f"{low:,} (validation) or {procedural.HELD_OUT_SEED:,} (held out) on, below {beyond:,}"
+        )
+
+
 def split_families(unseen: bool) -> tuple[str, ...]:
     """The families of a held-out split."""
     return procedural.UNSEEN_FAMILIES if unseen else procedural.SEEN_FAMILIES
@@ -97,14 +108,16 @@ def held_out(
     *,
     unseen: bool = False,
     families: Sequence[str] = (),
+    first_seed: int = procedural.HELD_OUT_SEED,
     resolution: int = 32,
     subdivisions: int = 4,
     image_size: int = PICTURE_SIDE,
 ) -> HeldOut:
     """Test object ``index``, deterministic; a shown state that cannot be encoded (two equal boxes)
-    is drawn again. ``families``: in turn, in place of those of ``split_families``."""
+    is drawn again. ``families``: in turn, in place of those of ``split_families``;
+    ``first_seed``: of object 0."""
     families = tuple(families) or split_families(unseen)
-    family, seed = families[index % len(families)], procedural.HELD_OUT_SEED + index
+    family, seed = families[index % len(families)], first_seed + index
     closed = procedural.generate(family, seed)
     rng = np.random.default_rng([seed, 1])
     for attempt in range(ATTEMPTS):
@@ -122,13 +135,18 @@ def held_out(
 
 
 def held_out_for(
-    model: ModelConfig, index: int, unseen: bool = False, families: Sequence[str] = ()
+    model: ModelConfig,
+    index: int,
+    unseen: bool = False,
+    families: Sequence[str] = (),
+    first_seed: int = procedural.HELD_OUT_SEED,
 ) -> HeldOut:
     """``held_out`` with the voxels and the image that a model reads."""
     return held_out(
         index,
         unseen=unseen,
         families=families,
+        first_seed=first_seed,
         resolution=model.grid.resolution,
         subdivisions=model.grid.subdivisions,
         image_size=max(PICTURE_SIDE, model.image_encoder.image_size),
@@ -192,11 +210,12 @@ def evaluate_checkpoint(
     pictures: int = 16,
     unseen: bool = False,
     families: Sequence[str] = (),
+    first_seed: int | None = None,
     processes: int = 1,
 ) -> dict[str, Any]:
     """All rows for a checkpoint; ``records`` (what it was trained on) adds retrieval. Writes
     ``metrics.json``, ``table.md``, pictures. ``families``: of the held-out objects, in turn, in
-    place of a split's.
+    place of a split's; ``first_seed``: of the first.
 
     Networks and retrieval run in this process; ``processes`` others draw, assemble and compare the
     objects (1 = this one does).
@@ -216,13 +235,17 @@ def evaluate_checkpoint(
         name = f"{index:03d}-{test.family}"
         return [functools.partial(finish, test, grids, others, folder, name, layout)]
 
-    draw = functools.partial(held_out_for, model, unseen=unseen, families=families)
+    first_seed = first_seed or procedural.HELD_OUT_SEED
+    draw = functools.partial(
+        held_out_for, model, unseen=unseen, families=families, first_seed=first_seed
+    )
     made = run_staged(draw, at_stages, range(count), "held-out objects", processes=processes)
     results = [one for (one,) in made]
     loads = [load for _, load in results if load]
     extra = {
         "count": count,
         "unseen": unseen,
+        "first_seed": first_seed,
         "checkpoint": str(checkpoint),
         "structure_iou": float(np.mean(overlaps)),
         "assets": {
