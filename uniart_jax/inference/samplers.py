@@ -23,6 +23,7 @@ from uniart_jax.models.network import build
 from uniart_jax.nn.grids import CELL_STEP, flow_plan
 from uniart_jax.voxels.joint_code import FIXED_AXIS, canonical
 from uniart_jax.voxels.part_table import SMALLEST_SIDE, PartTable
+from uniart_jax.voxels.read_layout import THRESHOLD
 from uniart_jax.voxels.typed_batches import Condition, VoxelBatch
 
 for _kind in (Condition, Solution):  # what programs that are kept return
@@ -77,7 +78,7 @@ def make_layout_finder(model: ModelConfig) -> Callable[..., FoundLayouts]:
 
 def found_table(parts: dict[str, jax.Array], parents: jax.Array, most: int) -> PartTable:
     """Outputs of a layout network as part tables: of each item the at most ``most`` rows that
-    exist, but one at least, the surest first.
+    exist (``read_layout.THRESHOLD``), but one at least, the surest first.
 
     Args:
       parts: corners [B, Q, 6], codes [B, Q, 9], exists [B, Q] logits, colors [B, Q, 3].
@@ -85,7 +86,8 @@ def found_table(parts: dict[str, jax.Array], parents: jax.Array, most: int) -> P
         likeliest parent; that they form a tree is not enforced.
     """
     order = jnp.argsort(-parts["exists"], axis=-1)[:, :most]
-    counts = jnp.clip((parts["exists"] > 0).sum(-1), 1, order.shape[1])
+    exist = jax.nn.sigmoid(parts["exists"]) > THRESHOLD
+    counts = jnp.clip(exist.sum(-1), 1, order.shape[1])
     there = jnp.arange(most) < counts[:, None]
 
     def take(rows):

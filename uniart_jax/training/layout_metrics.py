@@ -10,6 +10,7 @@ from uniart_jax.objects.joint_errors import signed_axis_error
 from uniart_jax.objects.kinematics import line_distance
 from uniart_jax.objects.thresholds import FOUND, RIGHT_AXIS, RIGHT_BOX, RIGHT_PIVOT
 from uniart_jax.voxels.joint_code import NETWORK_TOLERANCE, box_corners, decode_joint, decode_part
+from uniart_jax.voxels.read_layout import THRESHOLD
 
 
 def layout_readings(
@@ -26,7 +27,7 @@ def layout_readings(
         inf without a match),
       and whether the number of parts is right.
     """
-    chosen = np.flatnonzero(parts["exists"] > 0)
+    chosen = np.flatnonzero(1 / (1 + np.exp(-parts["exists"])) > THRESHOLD)
     corners, truth = parts["corners"][chosen], box_corners(boxes)
     distance = np.abs(corners[None] - truth[:, None]).max(-1)
     matches = dict(zip(*linear_sum_assignment(distance), strict=True))

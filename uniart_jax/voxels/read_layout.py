@@ -24,7 +24,7 @@ from uniart_jax.voxels.opening_direction import round_about, still_parts
 from uniart_jax.voxels.panel_table import Panels, read_boards, read_panels
 from uniart_jax.voxels.part_table import SMALLEST_SIDE
 
-THRESHOLD = 0.5  # of a part's probability (docs/training_history.md)
+THRESHOLD = 0.4  # of a part's probability (docs/training_history.md)
 KNOB = 0.15  # object units; what turns far and is no larger is a knob
 FAR = np.deg2rad(144)
 OFF_AXIS = 0.3  # of a knob's largest side, that its axis passes its centre at most
