@@ -43,7 +43,8 @@ from uniart_jax.voxels.follow import assemble_layout
 from uniart_jax.voxels.joint_code import NETWORK_TOLERANCE
 from uniart_jax.voxels.kind import Kind, kind_of
 from uniart_jax.voxels.layout import Layout
-from uniart_jax.voxels.read_layout import THRESHOLD, read_layout
+from uniart_jax.voxels.part_table import THRESHOLD
+from uniart_jax.voxels.read_layout import read_layout
 from uniart_jax.voxels.typed_batches import Condition
 
 

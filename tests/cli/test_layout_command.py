@@ -15,7 +15,7 @@ from uniart_jax.models.checkpoint_files import write_config, write_network
 from uniart_jax.models.network import build
 from uniart_jax.voxels.joint_code import align, canonical
 from uniart_jax.voxels.layout import Layout
-from uniart_jax.voxels.read_layout import THRESHOLD
+from uniart_jax.voxels.part_table import THRESHOLD
 
 
 @pytest.fixture(scope="module")

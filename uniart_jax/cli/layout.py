@@ -20,7 +20,7 @@ def layout(
     /,
     out: Out,
     checkpoint: str = "nano",
-    threshold: float = 0.4,  # voxels.read_layout.THRESHOLD
+    threshold: float = 0.4,  # voxels.part_table.THRESHOLD
     background: CutOut = "auto",
     overwrite: Overwrite = False,
 ) -> None:

@@ -22,8 +22,7 @@ from uniart_jax.models.flow_trunk import T_MIN
 from uniart_jax.models.network import build
 from uniart_jax.nn.grids import CELL_STEP, flow_plan
 from uniart_jax.voxels.joint_code import FIXED_AXIS, canonical
-from uniart_jax.voxels.part_table import SMALLEST_SIDE, PartTable
-from uniart_jax.voxels.read_layout import THRESHOLD
+from uniart_jax.voxels.part_table import SMALLEST_SIDE, THRESHOLD, PartTable
 from uniart_jax.voxels.typed_batches import Condition, VoxelBatch
 
 for _kind in (Condition, Solution):  # what programs that are kept return
@@ -78,7 +77,7 @@ def make_layout_finder(model: ModelConfig) -> Callable[..., FoundLayouts]:
 
 def found_table(parts: dict[str, jax.Array], parents: jax.Array, most: int) -> PartTable:
     """Outputs of a layout network as part tables: of each item the at most ``most`` rows that
-    exist (``read_layout.THRESHOLD``), but one at least, the surest first.
+    exist (``part_table.THRESHOLD``), but one at least, the surest first.
 
     Args:
       parts: corners [B, Q, 6], codes [B, Q, 9], exists [B, Q] logits, colors [B, Q, 3].

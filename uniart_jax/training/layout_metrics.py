@@ -10,7 +10,7 @@ from uniart_jax.objects.joint_errors import signed_axis_error
 from uniart_jax.objects.kinematics import line_distance
 from uniart_jax.objects.thresholds import FOUND, RIGHT_AXIS, RIGHT_BOX, RIGHT_PIVOT
 from uniart_jax.voxels.joint_code import NETWORK_TOLERANCE, box_corners, decode_joint, decode_part
-from uniart_jax.voxels.read_layout import THRESHOLD
+from uniart_jax.voxels.part_table import THRESHOLD
 
 
 def layout_readings(

@@ -30,6 +30,7 @@ class PartTable(NamedTuple):
 
 MOST_LEGS, MOST_PANELS = 8, 24  # of an object that is trained on
 MOST_BOARDS = 12  # of a part that is trained on
+THRESHOLD = 0.4  # of the probability that a part is there (docs/training_history.md)
 SMALLEST_SIDE = 0.004  # object units, of a box that a mesh is made of
 ROWS = ("boxes", "codes", "parents", "colors")
 EMPTY = {

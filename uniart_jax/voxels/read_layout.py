@@ -22,9 +22,8 @@ from uniart_jax.voxels.layout import ROOT, Layout
 from uniart_jax.voxels.leg_table import read_legs
 from uniart_jax.voxels.opening_direction import round_about, still_parts
 from uniart_jax.voxels.panel_table import Panels, read_boards, read_panels
-from uniart_jax.voxels.part_table import SMALLEST_SIDE
+from uniart_jax.voxels.part_table import SMALLEST_SIDE, THRESHOLD
 
-THRESHOLD = 0.4  # of a part's probability (docs/training_history.md)
 KNOB = 0.15  # object units; what turns far and is no larger is a knob
 FAR = np.deg2rad(144)
 OFF_AXIS = 0.3  # of a knob's largest side, that its axis passes its centre at most
