@@ -294,9 +294,23 @@ MUTANTS = (
         "tests/models/test_occupancy_refiner.py::test_the_flow_learns_from_what_its_sample_decodes_to",
     ),
     Mutant(
+        "uniart_jax/voxels/isosurface.py",
+        "2 * last - before",
+        "last",
+        "tests/voxels/test_assemble.py::"
+        "test_what_no_voxel_shows_is_room_behind_flush_walls_and_solid_below_a_skin",
+    ),
+    Mutant(
+        "uniart_jax/inference/samplers.py",
+        "> THRESHOLD",
+        "> 0.5",
+        "tests/inference/test_samplers.py::"
+        "test_found_layouts_are_the_parts_that_exist_the_surest_first",
+    ),
+    Mutant(
         "uniart_jax/data/geometric_features.py",
-        "np.where(votes < 0, -SDF_CLIP",
-        "np.where(votes > 0, -SDF_CLIP",
+        "np.where(inside, -SDF_CLIP, SDF_CLIP)",
+        "np.where(inside, SDF_CLIP, -SDF_CLIP)",
         "tests/data/test_geometric_features.py::test_height_and_thickness",
     ),
     Mutant(

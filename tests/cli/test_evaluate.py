@@ -60,7 +60,7 @@ def test_a_folder_of_predictions(run, folders, tmp_path, monkeypatch):
         (("physics", "ref", "--samples", "best"), "evaluate physics: it takes no --samples"),
         (("baselines", "--families", "kettle"), "evaluate baselines: it takes no --families"),
         (("baselines", "--first-seed", "900000"), "evaluate baselines: it takes no --first-seed"),
-        (("layout", "--first-seed", "5"), "objects of seed 5 may have been trained on"),
+        (("layout", "--first-seed", "5"), "objects of seeds from 5 on may have been trained on"),
         (("procedural", "--families", "ketle"), "no family 'ketle'"),
         (("layout", "--families", "ketle"), "no family 'ketle'"),
         (("procedural", "--unseen", "--families", "kettle"), "--unseen: it takes no --families"),

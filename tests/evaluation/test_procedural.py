@@ -29,10 +29,13 @@ def test_validation_objects_are_others_and_never_trained_on_either():
     test = held_out(3, first_seed=900_000)
     assert (test.seed, test.family) == (900_003, procedural.SEEN_FAMILIES[3])
     assert not np.array_equal(test.image, held_out(3).image)
-    for seed in (899_999, 10_000_000):
-        with pytest.raises(ValueError, match=f"seed {seed} may have been trained on; give"):
-            check_first_seed(seed)
-    check_first_seed(900_000)
+    for seed in (899_999, 9_999_999):
+        with pytest.raises(ValueError, match=f"from {seed} on may have been trained on; give"):
+            check_first_seed(seed, 2)
+    with pytest.raises(ValueError, match="are partly held-out ones"):
+        check_first_seed(999_999, 2)
+    check_first_seed(900_000, 100_000)
+    assert held_out_for(ModelConfig(), 3, first_seed=900_000).seed == 900_003
 
 
 def test_their_pictures_are_larger_than_what_networks_see():

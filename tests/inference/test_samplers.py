@@ -335,7 +335,7 @@ def test_found_layouts_are_the_parts_that_exist_the_surest_first():
     parts = {
         "corners": np.concatenate([lower, lower + generator.uniform(0.1, 0.5, (2, 5, 3))], -1),
         "codes": generator.normal(size=(2, 5, 9)),
-        "exists": np.array([[-2.0, -0.6, 3.0, -1.0, 2.0], [-5.0, -4.0, -9.0, -1.0, -6.0]]),
+        "exists": np.array([[-2.0, -0.3, 3.0, -0.5, 2.0], [-5.0, -4.0, -9.0, -1.0, -6.0]]),
         "colors": generator.random((2, 5, 3)),
     }
     parts["codes"][0, 4, 1:4] = 0.1  # no axis: fixed

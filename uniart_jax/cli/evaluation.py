@@ -69,8 +69,8 @@ def evaluate(
           not computed.
         checkpoint: As for sample.py (default nano). physics: judge what it makes of held-out
           images; without one, the true objects.
-        count: Held-out objects, seeds from 1,000,000 on (default 128; physics 200, of a checkpoint
-          64), or assets (default all).
+        count: Held-out objects, or those from --first-seed on (default 128; physics 200, of a
+          checkpoint 64), or assets (default all).
         records: Training records for the retrieval baseline; without them it is left out.
         library: baselines: a folder of assets to retrieve from (PartNet-Mobility's, any URDFs).
         pictures: procedural: how many objects are drawn (default 16).
@@ -133,10 +133,6 @@ def evaluate(
         from uniart_jax.procedural import check_families
 
         check_families(families)
-    if first_seed is not None:
-        from uniart_jax.evaluation.procedural import check_first_seed
-
-        check_first_seed(first_seed)
     if what != "baselines":
         _refuse(what, library=library)
     if library is None:

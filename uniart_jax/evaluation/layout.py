@@ -24,7 +24,7 @@ from rich.table import Table
 from uniart_jax.data.images import MARGIN, PICTURE_SIDE, crop
 from uniart_jax.evaluation.parts import PartScores, compare_parts, match_parts, summarize
 from uniart_jax.evaluation.photographed import SIDE, cut_again
-from uniart_jax.evaluation.procedural import HeldOut, held_out
+from uniart_jax.evaluation.procedural import HeldOut, check_first_seed, held_out
 from uniart_jax.evaluation.real import RealObject, real_objects
 from uniart_jax.evaluation.runner import run, write_metrics
 from uniart_jax.evaluation.summary import LEVEL, RESAMPLES, SEED
@@ -173,6 +173,10 @@ def evaluate_layout(
         raise ValueError(
             "evaluate layout: it takes no --backgrounds with --pred, which looks at none"
         )
+    number = COUNT if count is None else count
+    first = HELD_OUT_SEED if first_seed is None else first_seed
+    if root is None:
+        check_first_seed(first, number)
     if pred is None and predictor is None:
         predictor = load_layout_predictor(checkpoint)
     size = getattr(predictor, "image_size", PICTURE_SIDE)
@@ -182,16 +186,12 @@ def evaluate_layout(
     settings: dict[str, Any] = {"unseen": unseen, "checkpoint": str(pred or checkpoint)}
     tests: list[HeldOut] | list[RealObject]
     if root is None:
-        count = COUNT if count is None else count
-        drawn_from = {
-            "unseen": unseen,
-            "families": families,
-            "first_seed": first_seed or HELD_OUT_SEED,
-        }
-        make = functools.partial(held_out, **drawn_from, image_size=side)
-        settings |= drawn_from
-        tests = list(run(make, range(count), "held-out objects", processes=processes))
-        shown = list(range(min(SHOWN, count)))
+        make = functools.partial(
+            held_out, unseen=unseen, families=families, first_seed=first, image_size=side
+        )
+        settings |= {"families": families, "first_seed": first}
+        tests = list(run(make, range(number), "held-out objects", processes=processes))
+        shown = list(range(min(SHOWN, number)))
     else:
         tests, refused = real_objects(
             root, cache or out / "objects", image_size=side, count=count,

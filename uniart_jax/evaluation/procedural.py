@@ -88,13 +88,21 @@ class HeldOut:
     sight: np.ndarray | None = None
 
 
-def check_first_seed(seed: int) -> None:
-    """ValueError if objects from a seed on may have been trained on."""
-    low, beyond = DataConfig.validation_seed, 10 * procedural.HELD_OUT_SEED  # data.layouts
-    if not low <= seed < beyond:
+def check_first_seed(seed: int, count: int) -> None:
+    """ValueError if some of ``count`` objects from a seed on may have been trained on, or if they
+    are validation objects and held-out ones."""
+    low, held, beyond = (  # data.layouts
+        DataConfig.validation_seed, procedural.HELD_OUT_SEED, 10 * procedural.HELD_OUT_SEED
+    )  # fmt: skip
+    if not low <= seed <= beyond - count:
         raise ValueError(
-            f"evaluate: objects of seed {seed} may have been trained on; give --first-seed from "
-            f"{low:,} (validation) or {procedural.HELD_OUT_SEED:,} (held out) on, below {beyond:,}"
+            f"evaluate: objects of seeds from {seed} on may have been trained on; give "
+            f"--first-seed from {low:,} (validation) or {held:,} (held out) on, below {beyond:,}"
+        )
+    if seed < held < seed + count:
+        raise ValueError(
+            f"evaluate: {count} objects from --first-seed {seed:,} on are partly held-out ones "
+            f"(from {held:,} on); begin earlier or take fewer"
         )
 
 
@@ -220,6 +228,8 @@ def evaluate_checkpoint(
     Networks and retrieval run in this process; ``processes`` others draw, assemble and compare the
     objects (1 = this one does).
     """
+    first_seed = procedural.HELD_OUT_SEED if first_seed is None else first_seed
+    check_first_seed(first_seed, count)
     pipeline = load(checkpoint)
     retrieve = None if records is None else make_retrieval(pipeline, records)
     model = pipeline.config.model
@@ -235,7 +245,6 @@ def evaluate_checkpoint(
         name = f"{index:03d}-{test.family}"
         return [functools.partial(finish, test, grids, others, folder, name, layout)]
 
-    first_seed = first_seed or procedural.HELD_OUT_SEED
     draw = functools.partial(
         held_out_for, model, unseen=unseen, families=families, first_seed=first_seed
     )

@@ -27,7 +27,7 @@ def layout_readings(
         inf without a match),
       and whether the number of parts is right.
     """
-    chosen = np.flatnonzero(1 / (1 + np.exp(-parts["exists"])) > THRESHOLD)
+    chosen = np.flatnonzero(1 / (1 + np.exp(-np.asarray(parts["exists"], np.float64))) > THRESHOLD)
     corners, truth = parts["corners"][chosen], box_corners(boxes)
     distance = np.abs(corners[None] - truth[:, None]).max(-1)
     matches = dict(zip(*linear_sum_assignment(distance), strict=True))

@@ -39,6 +39,7 @@ from uniart_jax.voxels.grid import PartGrid, VoxelGrid, connected, dilated, occu
 ZERO = 1e-4  # sub-cells; distances below this count as just inside
 # a sub-cell beside an inactive voxel counts as inside if its distance, extrapolated by one
 # sub-cell, is below minus this: in a solid distances fall on, in a wall that ends there they rise
+# (one of 2.2 sub-cells and more)
 DEEP = 0.25
 SPECK_CELLS = 16  # a loose piece of a part is dropped if it has fewer sub-cells than this
 SPECK_SHARE = 0.002  # and less than this share of the part's
@@ -256,6 +257,7 @@ def unknown_regions(
     negative = np.zeros((count + 1) * parts, np.int64)
     total = np.zeros(count + 1, np.int64)
     border = np.zeros(count + 1, bool)
+    bound = -DEEP if r > 1 else 0.0  # a voxel of one sub-cell shows no slope
     cells_sdf, cells_owner = sdf.reshape(-1, r, r, r), owner.reshape(-1, r, r, r)
     for axis, side in FACES:
         neighbour = coords.copy()
@@ -268,7 +270,7 @@ def unknown_regions(
         deeper: list[Any] = [slice(None)] * 3
         face[axis], deeper[axis] = (r - 1, max(r - 2, 0)) if side > 0 else (0, min(1, r - 1))
         last, before = cells_sdf[(touching, *face)], cells_sdf[(touching, *deeper)]
-        inside = (2 * last - before).reshape(len(touching), r * r) < -DEEP
+        inside = (2 * last - before).reshape(len(touching), r * r) < bound
         whose = cells_owner[(touching, *face)].reshape(len(touching), r * r)
         slot = label[touching][:, None] * parts + whose
         negative += np.bincount(slot[inside], minlength=len(negative))
