@@ -288,3 +288,14 @@ def test_retrieval_among_held_out_objects_is_refused(trained, tmp_path):
     )  # fmt: skip
     with pytest.raises(ValueError, match="holds held-out objects"):
         make_retrieval(uniart_jax.load(workdir), tmp_path / "records")
+
+
+def test_retrieval_among_validation_objects_under_test_is_refused(trained, tmp_path):
+    config, workdir = trained
+    prepare_procedural(
+        tmp_path, 1, start_seed=900_007, grid=config.model.grid, image_size=32, processes=1  # noqa: E501
+    )  # fmt: skip
+    pipeline = uniart_jax.load(workdir)
+    with pytest.raises(ValueError, match=r"holds validation objects \(seed 900007\)"):
+        make_retrieval(pipeline, tmp_path, first_seed=900_000)
+    assert make_retrieval(pipeline, tmp_path) is not None  # held-out objects are others

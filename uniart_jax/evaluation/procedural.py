@@ -231,7 +231,7 @@ def evaluate_checkpoint(
     first_seed = procedural.HELD_OUT_SEED if first_seed is None else first_seed
     check_first_seed(first_seed, count)
     pipeline = load(checkpoint)
-    retrieve = None if records is None else make_retrieval(pipeline, records)
+    retrieve = None if records is None else make_retrieval(pipeline, records, first_seed)
     model = pipeline.config.model
     out = Path(out)
     out.mkdir(parents=True, exist_ok=True)

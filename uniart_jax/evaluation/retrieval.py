@@ -159,17 +159,21 @@ def _sizes_and_labels(source: Source) -> tuple[np.ndarray, np.ndarray]:
     return obj.boxes[:, 3:], np.array([part.label for part in obj.parts])
 
 
-def make_retrieval(pipeline: Pipeline, records: Path) -> Callable[[np.ndarray], ArticulatedObject]:
+def make_retrieval(
+    pipeline: Pipeline, records: Path, first_seed: int = procedural.HELD_OUT_SEED
+) -> Callable[[np.ndarray], ArticulatedObject]:
     """Image [S, S, 3] in [0, 1] -> object of the training record whose image is nearest by cosine
     of its features.
 
     The features are the model's own image encoder's: pre-trained on joints and boxes, hence as
     strong a retriever as we have. Its volume is averaged over cubes of 2^3 cells and the index kept
-    in half precision: 25 KB a view.
+    in half precision: 25 KB a view. ``first_seed``: of the objects under test; records must end
+    before it, lest an object is found itself.
     """
-    if (last := largest_seed(records)) >= procedural.HELD_OUT_SEED:
+    if (last := largest_seed(records)) >= first_seed:
+        kind = "held-out" if last >= procedural.HELD_OUT_SEED else "validation"
         raise ValueError(
-            f"{records}: holds held-out objects (seed {last}); give the records that the "
+            f"{records}: holds {kind} objects (seed {last}); give the records that the "
             "checkpoint was trained on"
         )
     model, split = pipeline.config.model, pipeline.config.data.split
