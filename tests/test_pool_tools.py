@@ -26,6 +26,7 @@ from uniart_jax.data.mirror import (
     mirror_corners,
     mirror_images,
     mirror_legs,
+    mirror_revolutions,
 )
 from uniart_jax.models.network import build
 from uniart_jax.training.state import frozen_mask, make_optimizer
@@ -96,6 +97,9 @@ def test_the_pools_mirror_is_that_of_records(pool_tools, pool_rows):
         np.testing.assert_allclose(out.layout.panels[b], panels, atol=1e-6)
         boards = mirror_corners(rows["boards"][b]) if mirrored else rows["boards"][b]
         np.testing.assert_allclose(out.layout.boards[b], boards, atol=1e-6)
+        rounds = rows["revolutions"][b]
+        rounds = mirror_revolutions(rounds) if mirrored else rounds
+        np.testing.assert_allclose(out.layout.revolutions[b], rounds, atol=1e-6)
         np.testing.assert_array_equal(out.occupancy[b], cells[:, ::-1] if mirrored else cells)
         image, photo = (rows[k][b] / np.float32(255) for k in ("images", "photos"))
         if mirrored:

@@ -19,6 +19,7 @@ from uniart_jax.data.mirror import (
     mirror_corners,
     mirror_images,
     mirror_legs,
+    mirror_revolutions,
 )
 from uniart_jax.flow.rectified import flow_loss, interpolate, predicted_sample, sample_times
 from uniart_jax.inference.samplers import found_table
@@ -95,6 +96,7 @@ def prepared(rows: Mapping[str, jax.Array], key: jax.Array, train: bool) -> Pool
         boards=either(mirror_corners(rows["boards"]), rows["boards"]),
         board_counts=rows["board_counts"],
         board_share=rows["board_share"],
+        revolutions=either(mirror_revolutions(rows["revolutions"], jnp), rows["revolutions"]),
     )
     flow_image = jnp.where(of_picture(flow_sees), photo, image)
     flow_camera = jnp.where(flow_sees[:, None], rows["photo_cameras"], rows["cameras"])

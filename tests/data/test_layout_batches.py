@@ -9,7 +9,13 @@ from hand_records import first_of
 
 from uniart_jax.config import DataConfig, GridConfig, LayoutConfig, ModelConfig
 from uniart_jax.data import layout_batches, layouts
-from uniart_jax.data.mirror import mirror_boxes, mirror_codes, mirror_corners, mirror_legs
+from uniart_jax.data.mirror import (
+    mirror_boxes,
+    mirror_codes,
+    mirror_corners,
+    mirror_legs,
+    mirror_revolutions,
+)
 from uniart_jax.voxels.joint_code import gauge_variants
 from uniart_jax.voxels.typed_batches import BOX_SETS
 
@@ -72,7 +78,7 @@ def test_one_batch_of_several_has_legs_panels_and_boards(data):
                 assert held is None
             else:
                 np.testing.assert_array_equal(held, value, err_msg=name)
-    assert {"legs", "panels", "boards", "board_share"} < set(BOX_SETS)
+    assert {"legs", "panels", "boards", "revolutions"} < set(BOX_SETS)
 
 
 def test_mirrored_items_belong_together(data):
@@ -91,6 +97,7 @@ def test_mirrored_items_belong_together(data):
     assert max(plain.board_counts) > 0 and max(plain.board_share) > 0
     np.testing.assert_array_equal(turned.boards, mirror_corners(plain.boards))
     assert (turned.boards != plain.boards).any()
+    np.testing.assert_array_equal(turned.revolutions, mirror_revolutions(plain.revolutions))
     back = mirror_codes(turned.codes)
     assert np.abs(gauge_variants(back) - plain.codes[:, None]).max(-1).min(-1).max() < 1e-5
 

@@ -11,7 +11,9 @@ from uniart_jax.data import layouts
 from uniart_jax.data.layout_batches import layout_batches
 from uniart_jax.data.legs import legs_of
 from uniart_jax.data.panels import boards_of, panels_of
+from uniart_jax.data.revolutions import revolutions_of
 from uniart_jax.voxels.part_table import MOST_BOARDS, MOST_LEGS, MOST_PANELS
+from uniart_jax.voxels.revolution_table import table
 
 SETTINGS = layouts.LayoutSettings(image_size=32)
 MODEL = ModelConfig(grid=GridConfig(32, 4, 16), layout=LayoutConfig(image_size=32))
@@ -85,6 +87,22 @@ def test_panels_are_those_of_the_shown_state(data, monkeypatch):
         np.testing.assert_allclose(block["boxes"][item][: len(boxes)], boxes, atol=1e-6)
         np.testing.assert_array_equal(block["legs"][item], legs)
     assert not block["panels"][2].any() and block["panel_share"][2] == 0
+
+
+def test_revolutions_are_those_of_the_shown_parts(data, monkeypatch):
+    found = []
+
+    def noted(shown):
+        found.append((revolutions_of(shown), np.asarray(shown.boxes)))
+        return found[-1][0]
+
+    monkeypatch.setattr(layouts, "revolutions_of", noted)
+    block = layouts.make_block(0, SETTINGS)
+    assert block["revolutions"][..., 0].any()
+    for item, (revolutions, boxes) in enumerate(found):
+        np.testing.assert_allclose(block["boxes"][item][: len(boxes)], boxes, atol=1e-6)
+        rows = table(revolutions, SETTINGS.max_parts)
+        np.testing.assert_array_equal(block["revolutions"][item], rows)
 
 
 def test_boards_are_those_of_the_shown_parts(data, monkeypatch):

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from uniart_jax.data.mirror import mirror_revolutions
 from uniart_jax.inference.layouts import joined, last_legs, last_panels, mirror_parts
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.voxels.joint_code import encode_joint, gauge_variants
@@ -34,6 +35,9 @@ def outputs(queries=5, legs=4, panels=6, boards=3):
         ),
         "board_exists": RNG.normal(size=(queries, boards)),
         "board_share": RNG.random(queries),
+        "round_axis": RNG.normal(size=(queries, 4)),
+        "round_centers": RNG.normal(size=(queries, 3, 2)),
+        "round_radii": RNG.random((queries, 3, 8)),
     }
 
 
@@ -42,7 +46,8 @@ def turned(out, parts, legs, panels):
     rows = {name: value[legs] for name, value in out.items() if name.startswith("leg_r")}
     for name in ("leg_exists", "leg_plinth", "leg_fill"):
         rows[name] = out[name][legs]
-    for name in ("corners", "codes", "exists", "colors", "board_share"):
+    rounds = ("round_axis", "round_centers", "round_radii")
+    for name in ("corners", "codes", "exists", "colors", "board_share", *rounds):
         rows[name] = out[name][parts]
     for name in ("board_rows", "board_exists"):
         rows[name] = out[name][parts][:, ::-1]
@@ -126,11 +131,40 @@ def test_boards_of_parts_that_are_not_one_are_those_of_the_surer():
     other["corners"][[1, 3]] += 0.6
     other["board_rows"] += 0.3
     other["board_exists"] += 2.0
+    other["round_axis"] += 2.0
+    other["round_radii"] += 0.1
     other["exists"][[1, 3]] = -1.0, 4.0
     both = joined(one, other)
     for part, stands in ((1, one), (3, other)):
-        for name in ("board_rows", "board_exists", "board_share"):
+        for name in ("board_rows", "board_exists", "board_share", "round_axis", "round_radii"):
             np.testing.assert_allclose(both[name][part], stands[name][part], err_msg=name)
+
+
+def test_revolutions_are_averaged_with_those_of_the_same_part():
+    one = outputs()
+    one["exists"][:] = 1.0
+    other = turned(one, [3, 1, 4, 0, 2], range(4), range(6))
+    for name in ("round_axis", "round_centers", "round_radii"):
+        other[name] = np.copy(other[name])
+        other[name][0] += 0.02  # of part 3
+        off = joined(one, other)[name] - one[name]
+        np.testing.assert_allclose(off[3], 0.01, atol=1e-6)
+        np.testing.assert_allclose(off[[0, 1, 2, 4]], 0, atol=1e-6)
+
+
+def test_mirror_images_of_revolutions_are_those_of_their_labels():
+    """As ``mirror_revolutions`` has them, whatever the axis is."""
+    one = outputs()
+    mirrored = mirror_parts(one)
+    for axis in range(3):
+        centers, radii = (
+            [out[f"round_{name}"][:, axis] for out in (one, mirrored)]
+            for name in ("centers", "radii")
+        )
+        rows, wanted = (
+            np.concatenate([np.full((5, 1), 1 + axis), centers[k], radii[k]], 1) for k in (0, 1)
+        )
+        np.testing.assert_allclose(mirror_revolutions(rows), wanted)
 
 
 def test_mirrored_twice_is_as_before():
@@ -140,11 +174,12 @@ def test_mirrored_twice_is_as_before():
     np.testing.assert_allclose(mirrored["panel_rows"][:, [1, 4]], -one["panel_rows"][:, [4, 1]])
     np.testing.assert_allclose(mirrored["board_rows"][..., [1, 4]], -one["board_rows"][..., [4, 1]])
     again = mirror_parts(mirrored)
-    for name in ("corners", "leg_rows", "panel_rows", "board_rows", "camera"):
+    rounds = ("round_centers", "round_radii")
+    for name in ("corners", "leg_rows", "panel_rows", "board_rows", "camera", *rounds):
         np.testing.assert_allclose(again[name], one[name], atol=1e-12)
 
 
-@pytest.mark.parametrize("prefix", ["leg_", "panel_", "board_"])
+@pytest.mark.parametrize("prefix", ["leg_", "panel_", "board_", "round_"])
 def test_without_a_set_there_is_none(prefix):
     bare = {name: value for name, value in outputs().items() if not name.startswith(prefix)}
     assert not any(name.startswith(prefix) for name in joined(bare, mirror_parts(bare)))

@@ -77,9 +77,10 @@ def test_networks_without_added_layers_and_layouts_nobody_asks_for_stay(tmp_path
     assert source.copyable(config, []) == list(NETWORKS)
     with_legs = dataclasses.replace(model, layout=LayoutConfig(queries=4, legs=8))
     assert source.missing_layers("layout", with_legs) == ["legs"]
-    sets = LayoutConfig(queries=4, legs=8, panels=24, boards=12)
+    sets = LayoutConfig(queries=4, legs=8, panels=24, boards=12, revolutions=True)
     with_all = dataclasses.replace(model, layout=sets)
-    assert source.missing_layers("layout", with_all) == ["legs", "panels", "boards"]
+    missing = ["legs", "panels", "boards", "revolutions"]
+    assert source.missing_layers("layout", with_all) == missing
     assert "layout" not in source.copyable(dataclasses.replace(config, model=with_legs), [])
 
 

@@ -293,7 +293,7 @@ def test_retrieval_among_held_out_objects_is_refused(trained, tmp_path):
 def test_retrieval_among_validation_objects_under_test_is_refused(trained, tmp_path):
     config, workdir = trained
     prepare_procedural(
-        tmp_path, 1, start_seed=900_007, grid=config.model.grid, image_size=32, processes=1  # noqa: E501
+        tmp_path, 1, start_seed=900_007, grid=config.model.grid, image_size=32, processes=1
     )  # fmt: skip
     pipeline = uniart_jax.load(workdir)
     with pytest.raises(ValueError, match=r"holds validation objects \(seed 900007\)"):

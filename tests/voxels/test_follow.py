@@ -19,6 +19,7 @@ from uniart_jax.voxels.follow import assemble_layout, row_of_subcells
 from uniart_jax.voxels.grid import subcell_centers
 from uniart_jax.voxels.layout import Layout
 from uniart_jax.voxels.panel_table import Panels
+from uniart_jax.voxels.revolution_table import Revolution
 from uniart_jax.voxels.voxelize import voxelize
 
 
@@ -114,6 +115,32 @@ def reordered(layout, order):
         layout.confidence[order],
         boards=tuple(layout.boards[k] for k in order) if layout.boards else (),
     )
+
+
+def test_round_parts_have_the_layouts_outlines():
+    """Of a square body and a lid, whose row comes after one that is left out as too small; the body
+    is said to be round about another place, so that voxels show another shape."""
+    low, high = (-0.2, -0.2, -0.3), (0.2, 0.2, 0.1)
+    top = ((-0.2, -0.2, 0.1), (0.2, 0.2, 0.2))
+    ends = (low, high), top
+    grid = grid_of(
+        [lambda p, e=e: box_sdf(p, *e) for e in ends], [box_of(*e) for e in ends], resolution=16
+    ).gather()
+    boxes = np.array([box_of(*ends[0]), [0, 0, 0.3, 0.01, 0.01, 0.01], box_of(*ends[1])])
+    slide = Joint(np.zeros(3), (0.0, 0, 1), travel=(0.0, 0.1))
+    outlines = Revolution(2, np.array([0.3, 0.3]), np.array([0.1])), None
+    outlines += (Revolution(2, np.zeros(2), np.array([0.2, 0.1])),)
+    plain = Layout(
+        boxes, (Joint.fixed(), slide, slide), (-1, 0, 0), np.full((3, 3), 0.5), np.ones(3)
+    )
+    made = assemble_layout(grid, dataclasses.replace(plain, revolutions=outlines))
+    before = assemble_layout(grid, plain)
+    assert [part.mesh.is_watertight for part in made.parts] == [True, True]
+    cone = np.pi * 0.1 * np.interp((np.arange(200) + 0.5) / 200, [0.25, 0.75], [0.2, 0.1]) ** 2
+    assert made.parts[1].mesh.volume == pytest.approx(cone.mean(), rel=0.06)
+    assert made.parts[0].mesh.volume == pytest.approx(before.parts[0].mesh.volume, rel=0.02)
+    notes = set(made.provenance) - set(before.provenance)
+    assert notes == {"revolution of part 0 of the layout left out: voxels show another shape"}
 
 
 def test_drawers_are_the_layouts_boards():

@@ -91,7 +91,7 @@ class LayoutConfig:
     multiple of 32; its weights fit every size. ``repeats``: how often the last layer is run once
     more, with the same weights. ``legs``: queries for what the object stands on, 8 or more;
     ``panels``: for the boards of its body, 24 or more; ``boards``: for those of each other part, 12
-    or more; 0: that is not found.
+    or more; 0: that is not found. ``revolutions``: which parts are round about an axis is found.
     """
 
     queries: int = 0
@@ -107,6 +107,7 @@ class LayoutConfig:
     legs: int = 0
     panels: int = 0
     boards: int = 0
+    revolutions: bool = False
 
 
 @dataclasses.dataclass(frozen=True)

@@ -4,7 +4,8 @@ They go through windows of ``WINDOW`` blocks, from ``DataConfig.first_block`` on
 object is shown ``DataConfig.reuse`` times, in random order, in one of its views, mirrored with
 probability 1/2 (``voxels.typed_batches.LayoutBatch``). A share ``DataConfig.photographs`` of the
 pictures are as they would be cut out of a photograph (``data.photographs``), others each time. One
-batch in ``DataConfig.box_sets_every`` has legs, panels and boards; in the others they are None.
+batch in ``DataConfig.box_sets_every`` has legs, panels, boards and revolutions; in the others they
+are None.
 """
 
 from __future__ import annotations
@@ -35,6 +36,7 @@ from uniart_jax.data.mirror import (
     mirror_corners,
     mirror_images,
     mirror_legs,
+    mirror_revolutions,
 )
 from uniart_jax.data.order import ENDLESS, Draw, local_rows
 from uniart_jax.data.photographs import photographed
@@ -193,6 +195,7 @@ def _item(
         image, camera = photographed(photographer, crop, camera, others, size, back)
     columns = (table[name][item] for name in ("boxes", "codes", "legs", "panels", "boards"))
     boxes, codes, legs, panels, boards = columns
+    revolutions = table["revolutions"][item]
     if mirrored:
         image, camera = mirror_images(image), mirror_camera_codes(camera)
         boxes, codes, legs = mirror_boxes(boxes), mirror_codes(codes), mirror_legs(legs)
@@ -214,6 +217,7 @@ def _item(
         boards=boards,
         board_counts=table["board_counts"][item],
         board_share=table["board_share"][item],
+        revolutions=mirror_revolutions(revolutions) if mirrored else revolutions,
     )
 
 

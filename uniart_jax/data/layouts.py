@@ -28,6 +28,7 @@ from uniart_jax.data.cameras import camera_codes
 from uniart_jax.data.images import crop
 from uniart_jax.data.legs import legs_of
 from uniart_jax.data.panels import boards_of, panels_of
+from uniart_jax.data.revolutions import revolutions_of
 from uniart_jax.objects.appearance import sample_color
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.objects.states import sample_state
@@ -37,10 +38,13 @@ from uniart_jax.runtime.progress import track
 from uniart_jax.visual.render import Camera, render, sample_camera
 from uniart_jax.voxels.joint_code import encode_object
 from uniart_jax.voxels.part_table import MOST_BOARDS, MOST_LEGS, MOST_PANELS
+from uniart_jax.voxels.revolution_table import table
 
 BLOCK = 256  # objects a file
 STATES = 20  # shown states tried before an object is left out
-VERSION = 8  # of what ``make_block`` draws; 5: legs, 6: panels, 7: boards, 8: boards of open doors
+# of what ``make_block`` draws; 5: legs, 6: panels, 7: boards, 8: boards of open doors, 9:
+# revolutions
+VERSION = 9
 # a rendering's side over its crop's, and samples a pixel: sharp with hard shadows, or soft
 RENDERINGS = ((2.0, 1), (1.25, 4))
 LEGS = ("legs", "leg_counts", "legs_alone")
@@ -51,6 +55,7 @@ COLUMNS = (
     *LEGS,
     *PANELS,
     *BOARDS,
+    "revolutions",
 )
 
 logger = logging.getLogger(__name__)
@@ -165,6 +170,7 @@ def make_item(
         "part_counts": np.int32(len(boxes)),
         **_body_columns(closed, obj),
         **_board_columns(obj, settings.max_parts),
+        "revolutions": table(revolutions_of(obj), settings.max_parts),
     }
 
 

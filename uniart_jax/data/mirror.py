@@ -28,6 +28,8 @@ _CORNER_SIGNS = np.array([1, -1, 1, 1, -1, 1], np.float32)
 _LEG_ORDER = np.array([0, 3, 2, 1, 4, 7, 6, 5, 8, 9, 10, 11])
 _LEG_SIGNS = np.array([1, -1, 1, -1, 1, -1, 1, -1, 1, 1, 1, 1], np.float32)
 
+_ABOUT_X, _ABOUT_Z = np.array([-1, 1], np.float32), np.array([1, -1], np.float32)
+
 
 def mirror_boxes(boxes: np.ndarray) -> np.ndarray:
     """Mirrored boxes [..., 6]."""
@@ -49,6 +51,14 @@ def mirror_legs(legs: np.ndarray) -> np.ndarray:
 def mirror_corners(corners: np.ndarray) -> np.ndarray:
     """Mirrored lower and upper corners [..., 6] of boxes."""
     return corners[..., _CORNER_ORDER] * _CORNER_SIGNS
+
+
+def mirror_revolutions(rows: Any, xp: Any = np) -> Any:
+    """Mirrored rows [..., 11] of ``voxels.revolution_table.table``. ``xp``: array namespace."""
+    axis, center, radii = rows[..., :1], rows[..., 1:3], rows[..., 3:]
+    signs = xp.where(axis == 1, _ABOUT_X, xp.where(axis == 3, _ABOUT_Z, np.ones(2, np.float32)))
+    turned = xp.where(axis == 2, radii[..., ::-1], radii)
+    return xp.concatenate([axis, center * signs, turned], -1)
 
 
 def mirror_dense(grid: np.ndarray, first_axis: int = 0) -> np.ndarray:

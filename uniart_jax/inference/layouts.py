@@ -31,6 +31,8 @@ from uniart_jax.voxels.joint_code import align, box_corners
 
 APART = 0.15  # object units between the corners of rows that two looks have of one part
 DIFFERENT = 0.5  # between codes of rows that two looks have of one part
+# of centres about x, y and z, coordinates of the other two axes, in a mirror image
+_CENTER_SIGNS = np.array([[-1, 1], [1, 1], [1, -1]], np.float32)
 SURE = 0.3  # object units that a match is worth if both rows are sure
 
 
@@ -94,7 +96,9 @@ class LayoutPredictor:
             panels = last_panels(out["panels"]) if "panels" in out else {}
             boards = last_panels(out["boards"], "board") if "boards" in out else {}
             whole = {name: out[name] for name in ("camera", "parents")}
-            return {**out["parts"][-1], **whole, **legs, **panels, **boards}
+            rounds = out.get("revolutions", {})
+            rounds = {f"round_{name}": values for name, values in rounds.items()}
+            return {**out["parts"][-1], **whole, **legs, **panels, **boards, **rounds}
 
         self._run = kept_program(jax.jit(run), "layouts", model)
 
@@ -102,7 +106,8 @@ class LayoutPredictor:
         """Crops [S, S, 3] uint8 over black -> for each corners [Q, 6] (lower, upper), codes [Q, 9],
         exists [Q] logits, colors [Q, 3] linear RGB, parents [Q, Q] logits child -> parent
         (diagonal: root), camera [7]; where the network finds legs, panels or boards,
-        those of ``last_legs`` and ``last_panels``."""
+        those of ``last_legs`` and ``last_panels``; where it finds revolutions, round_axis [Q, 4],
+        round_centers [Q, 3, 2] and round_radii [Q, 3, N] (``models.layout.RevolutionHead``)."""
         return [self._read(image) for image in images]
 
     def _read(self, image: np.ndarray) -> dict[str, np.ndarray]:
@@ -122,6 +127,8 @@ def mirror_parts(outputs: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         "leg_rows": mirror_legs,
         "panel_rows": mirror_corners,
         "board_rows": mirror_corners,
+        "round_centers": lambda centers: centers * _CENTER_SIGNS,
+        "round_radii": lambda radii: np.stack([radii[:, 0], radii[:, 1, ::-1], radii[:, 2]], 1),
     }
     sets = {name: turn(outputs[name]) for name, turn in mirrors.items() if name in outputs}
     return {
@@ -153,6 +160,7 @@ def joined(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> dict[str
         **(joined_legs(one, other) if "leg_rows" in one else {}),
         **(joined_panels(one, other) if "panel_rows" in one else {}),
         **(joined_boards(one, other, i, j, share[:, 0]) if "board_rows" in one else {}),
+        **(joined_revolutions(one, other, i, j, share) if "round_axis" in one else {}),
         "corners": mix(one["corners"][i], other["corners"][j]),
         "codes": (1 - turned) * one["codes"][i] + turned * codes,
         "colors": mix(one["colors"][i], other["colors"][j]),
@@ -238,6 +246,22 @@ def joined_boards(
         alone = of_other in (0, 1)
         rows.append(looks[int(of_other)] if alone else joined_panels(*looks))
     return {f"board_{f}": np.stack([row[f"panel_{f}"] for row in rows]) for f in fields}
+
+
+def joined_revolutions(
+    one: dict[str, np.ndarray],
+    other: dict[str, np.ndarray],
+    i: np.ndarray,
+    j: np.ndarray,
+    share: np.ndarray,
+) -> dict[str, np.ndarray]:
+    """The revolutions of two outputs as those of one, as ``joined_boards``; ``share`` [Q, 1]."""
+
+    def mean(name: str) -> np.ndarray:
+        part = share.reshape(-1, *[1] * (one[name].ndim - 1))
+        return (1 - part) * one[name][i] + part * other[name][j]
+
+    return {name: mean(name) for name in ("round_axis", "round_centers", "round_radii")}
 
 
 def load_layout_predictor(checkpoint: str) -> LayoutPredictor:

@@ -37,7 +37,7 @@ FLOW_INPUTS = ("image_encoder", "structure_vae", "uniart_vae")  # what a flow is
 WIDENABLE = ("structure_flow", "latent_flow", "uniart_vae", "layout")
 ADDED_LAYERS = (
     *("pixel_channels", "layout_channels", "refine_channels", "part_feature_channels"),
-    *("legs", "panels", "boards"),
+    *("legs", "panels", "boards", "revolutions"),
 )
 
 

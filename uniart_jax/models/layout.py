@@ -21,6 +21,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from flax import nnx
 
 from uniart_jax.config import LayoutConfig, ModelConfig
@@ -31,12 +32,15 @@ from uniart_jax.nn.blocks import GroupNorm, LayerNorm, linear, zeros
 from uniart_jax.nn.precision import compute_dtype
 from uniart_jax.voxels.joint_code import BOX_SIZE, CODE_SIZE
 from uniart_jax.voxels.part_table import MOST_BOARDS, MOST_LEGS, MOST_PANELS
+from uniart_jax.voxels.revolution_table import RADII
 
 STRIDES = (4, 8, 16)
 SKETCH_SIDE = 8  # cells of the coarsest map that the sketch reads, whatever the picture's size
 TOKENS_SIDE = 16  # of the table of the tokens' places, resampled to the picture's tokens
 POINTER = 64  # width of the parent pointer's queries and keys
 GUESS = 64  # width of a query's offset from the sketch
+ACROSS = np.array([[1, 2], [0, 2], [0, 1]])  # the other two axes, of each
+HIDDEN_OF_REVOLUTIONS = 96
 SETS = {"legs": MOST_LEGS, "panels": MOST_PANELS, "boards": MOST_BOARDS}  # and rows of a label
 
 
@@ -119,6 +123,30 @@ class PartHeads(nnx.Module):
         }
 
 
+class RevolutionHead(nnx.Module):
+    """Which parts are round about an axis of the frame, where that axis is, and how far they reach
+    from it. A part is told in shares of its box: a cylinder that fills it is all zeros."""
+
+    def __init__(self, width: int, hidden: int, rngs: nnx.Rngs, dtype):
+        self.hidden = linear(width, hidden, rngs, dtype=dtype)
+        self.axis = linear(hidden, 4, rngs, init=zeros, dtype=dtype)
+        self.outline = linear(hidden, 3 * (2 + RADII), rngs, init=zeros, dtype=dtype)
+
+    def __call__(self, y: jax.Array, corners: jax.Array) -> dict[str, jax.Array]:
+        """Queries [B, Q, D] and their parts' corners [B, Q, 6] -> axis [B, Q, 4] logits of none, x,
+        y and z; for each axis centers [B, Q, 3, 2] and radii [B, Q, 3, N], object units
+        (``voxels.revolution_table``)."""
+        h = jax.nn.gelu(self.hidden(y))
+        told = self.outline(h).astype(jnp.float32).reshape(*y.shape[:2], 3, 2 + RADII)
+        lower, upper = corners[..., :3][..., ACROSS], corners[..., 3:][..., ACROSS]
+        half = (upper - lower).mean(-1, keepdims=True) / 2
+        return {
+            "axis": self.axis(h).astype(jnp.float32),
+            "centers": (lower + upper) / 2 + half * told[..., :2],
+            "radii": half * (1 + told[..., 2:]),
+        }
+
+
 class LayoutNetwork(nnx.Module):
     """image [B, S, S, 3] -> camera, and a set of parts a layer."""
 
@@ -167,6 +195,8 @@ class LayoutNetwork(nnx.Module):
             self.panels = PanelDecoder(config, rngs, dtype)
         if c.boards:
             self.boards = BoardDecoder(config, rngs, dtype)
+        if c.revolutions:
+            self.revolutions = RevolutionHead(width, HIDDEN_OF_REVOLUTIONS, rngs, dtype)
 
     def __call__(
         self,
@@ -183,7 +213,7 @@ class LayoutNetwork(nnx.Module):
           camera: [B, 7] true camera codes that boxes are read with instead of the estimate, where
             ``use_true_camera`` [B].
           phase: [2] 0 or 1, which cells of the map are the tokens; None: the last of each four.
-          box_sets: whether legs, panels and boards are found too.
+          box_sets: whether legs, panels, boards and revolutions are found too.
 
         Returns:
           camera [B, 7]; parts: a list over the first guess and each run of a layer of
@@ -191,7 +221,7 @@ class LayoutNetwork(nnx.Module):
           [B, Q, 9], exists [B, Q] logits, colors [B, Q, 3] linear RGB; parents [B, Q, Q] logits
           child -> parent, the diagonal the root's, of the last layer; tokens [B, Q, D], one a part;
           map [B, S/4, S/4, C]; with ``box_sets`` legs, panels and boards (``models.box_sets``)
-          where the config has queries for them.
+          where the config has queries for them, and revolutions (``RevolutionHead``).
         """
         features, sketch = self.read_image(image)
         estimate = self.to_camera(sketch).astype(jnp.float32) + jnp.asarray(TYPICAL)
@@ -228,6 +258,9 @@ class LayoutNetwork(nnx.Module):
             asked = y, last["corners"], last["codes"]
             seen = Seen(features, tokens, tokens_place, sketch, y, place, *asked, body, used)
             out |= {name: getattr(self, name)(seen) for name in self.sets}
+        if self.config.revolutions and box_sets:
+            corners = jax.lax.stop_gradient(parts[-1]["corners"])
+            out["revolutions"] = self.revolutions(y, corners)
         return out
 
     @property

@@ -42,7 +42,8 @@ class LayoutStage(Stage):
 
     def idle(self, config: Config, batch: LayoutBatch) -> tuple[str, ...]:
         layout = config.model.layout
-        return tuple(n for n in SETS if getattr(layout, n)) if has_parts_alone(batch) else ()
+        names = tuple(n for n in (*SETS, "revolutions") if getattr(layout, n))
+        return names if has_parts_alone(batch) else ()
 
     def first_weights(self, config: Config) -> dict[str, Any]:
         return first_layout_weights(config)

@@ -3,9 +3,9 @@ own (DETR, Carion 2020).
 
     cost[q, k] = sum over layers of  5 L1(corners) - p + Huber(code, .05)
     loss       = 2 mean over layers (5 L1(corners) + 5 Huber(code) + BCE(exists) + .3 L1(colour))
-                 + .3 CE(parent) + 2 L1(camera) + legs + panels + boards
+                 + .3 CE(parent) + 2 L1(camera) + legs + panels + boards + revolutions
 
-of ``training.leg_loss`` and ``training.panel_loss``.
+of ``training.leg_loss``, ``training.panel_loss`` and ``training.revolution_loss``.
 
 One matching serves all layers. Part terms are means per object, then over objects; codes are
 compared modulo both gauges.
@@ -24,6 +24,7 @@ from uniart_jax.training.leg_loss import leg_losses
 from uniart_jax.training.losses import binary_cross_entropy, joint_code_loss, to_corners
 from uniart_jax.training.matching import match
 from uniart_jax.training.panel_loss import board_losses, panel_losses
+from uniart_jax.training.revolution_loss import revolution_losses
 from uniart_jax.voxels.typed_batches import LayoutBatch, has_parts_alone
 
 BOX, CODE, COLOR, PARENT, CAMERA = 5.0, 5.0, 0.3, 0.3, 2.0
@@ -47,8 +48,8 @@ def match_cost(
 
 def layout_losses(out: dict[str, Any], batch: LayoutBatch) -> dict[str, jax.Array]:
     """The loss's terms of a prediction: "box", "code", "exists", "color" (means over layers),
-    "parent", "camera", and "loss"; where the network finds legs, panels or boards, ``leg_losses``,
-    ``panel_losses`` and ``board_losses`` too."""
+    "parent", "camera", and "loss"; where the network finds legs, panels, boards or revolutions,
+    ``leg_losses``, ``panel_losses``, ``board_losses`` and ``revolution_losses`` too."""
     corners, codes, counts = to_corners(batch.boxes), batch.codes, batch.part_counts
     items, known = corners.shape[:2]
     valid = (jnp.arange(known) < counts[:, None]).astype(jnp.float32)
@@ -84,13 +85,17 @@ def layout_losses(out: dict[str, Any], batch: LayoutBatch) -> dict[str, jax.Arra
     if "boards" in out:
         terms |= board_losses(out["boards"], batch, query)
         loss = loss + terms["boards"]
+    if "revolutions" in out:
+        own = {name: take(values) for name, values in out["revolutions"].items()}
+        terms |= revolution_losses(own, batch, weights)
+        loss = loss + terms["revolutions"]
     return terms | {"loss": loss}
 
 
 def make_layout_loss(network: Network, config: Config):
     """``loss_fn(params, batch, key)``: half of the boxes are read with the true camera, and the
-    tokens' phase is drawn. Where ``data.box_sets_every`` is above 1, legs, panels and boards are
-    neither found nor paid for in batches without them."""
+    tokens' phase is drawn. Where ``data.box_sets_every`` is above 1, legs, panels, boards and
+    revolutions are neither found nor paid for in batches without them."""
     may_lack = config.data.box_sets_every > 1
 
     def loss_fn(params, batch, key):

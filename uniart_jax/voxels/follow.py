@@ -40,6 +40,7 @@ from uniart_jax.voxels.cleanup.primitive_parts import (
 )
 from uniart_jax.voxels.cleanup.rooms import with_clean_rooms
 from uniart_jax.voxels.cleanup.round_doors import round_doors, with_round_doors
+from uniart_jax.voxels.cleanup.solids_of_revolution import with_revolutions
 from uniart_jax.voxels.cleanup.trays import trays
 from uniart_jax.voxels.cleanup.walls import with_whole_walls
 from uniart_jax.voxels.closing import closing_of
@@ -89,7 +90,8 @@ def assemble_layout(
       flat: nearly flat faces are made flat (``flat_faces``), boards within the body are the
         layout's panels (``found_panels``), parts that move its boards (``found_boards``), racks
         trays (``trays``), legs are whole (``found_legs``, ``legs``), rooms behind doors and in
-        drawers boxes (``rooms``), and what surrounds their fronts is flat (``frames``).
+        drawers boxes (``rooms``), what surrounds their fronts is flat (``frames``), and parts with
+        a revolution have its outline (``solids_of_revolution``).
       room: what stands in the way of moving parts is taken off (``clearance``).
 
     Returns:
@@ -154,6 +156,11 @@ def assemble_layout(
         if k in body
     ]
     boards = {k: own for k, own in boards.items() if k not in body}
+    outlines_of = {
+        k: own
+        for k, row in enumerate(shown)
+        if layout.revolutions and (own := layout.revolutions[row]) is not None
+    }
     closed = closing_of(joints, layout.boxes[rows], up)
     ajar = {k: closed[k] for k in boards if (closed[k] != np.eye(3, 4)).any()}
 
@@ -188,7 +195,17 @@ def assemble_layout(
             field = with_clean_rooms(field, boxes, joints, up)
             discs = round_doors(drawn, boxes, joints[: len(shown)], body)
             field = with_round_doors(field, discs, body)
-            field = with_drums(field, drums(field, boxes, joints[: len(shown)], body), body)
+            turning = drums(field, boxes, joints[: len(shown)], body)
+            field = with_drums(field, turning, body)
+            outlines = {k: one for k, one in outlines_of.items() if k in left}
+            for other in (*discs, *turning):
+                outlines.pop(other.part, None)
+            field, turned = with_revolutions(field, drawn, boxes, outlines)
+            unfit.extend(
+                f"revolution of part {kept[rows[k]]} of the layout left out: voxels show another "
+                "shape"
+                for k in sorted(outlines.keys() - set(turned))
+            )
         field = with_lost_parts(field, drawn)
         for k in boxed:
             meshes[k] = in_front(meshes[k], layout.joints[k], field)
@@ -274,4 +291,5 @@ def _without(layout: Layout, left_out: list[int]) -> Layout:
         layout.legs,
         layout.panels,
         tuple(layout.boards[k] for k in kept) if layout.boards else (),
+        tuple(layout.revolutions[k] for k in kept) if layout.revolutions else (),
     )

@@ -9,7 +9,10 @@ As JSON (``to_json``, ``from_json``), lengths in object units, angles in radians
      "parts": [{"name", "parent": row or null, "box": {"center": [3], "size": [3]},
                 "color": [3], "confidence",
                 "joint": {"type", "origin": [3], "direction": [3], "angle": [2], "travel": [2]},
-                "boards": null or as "panels", of the part}],
+                "boards": null or as "panels", of the part,
+                "revolution": null or {"axis": "x", "y" or "z" that it is round about, "center": [2]
+                    of that axis, coordinates of the other two in order, "radii": [N] at the middles
+                    of N equal layers of its box, from the lower end on}}],
      "legs": null or {"alone": bool, "rows": [{"lower": [x0, y0, x1, y1] of its lower end, "upper":
                 the same of its upper end, "heights": [2] of both, "fill": share of the rectangles
                 that it fills (1 a prism, .785 a cylinder), "plinth": bool}]},
@@ -22,7 +25,8 @@ the place of what voxels show there, unless that is another body. Boards are the
 moves, all that it is built of, of a door that stands ajar as it lies closed (``voxels.closing``):
 where that is follows from its joint and its box, so whoever edits these edits its boards too. Of
 what does not move they are not used, and ``provenance`` says so. A network's panels and boards are
-kept where their share is high, boards not of a disc that turns about its middle.
+kept where their share is high, boards not of a disc that turns about its middle. A part with a
+revolution has its outline, but for what stands out of it, as a spout does, where its box is larger.
 
 A part's ``type`` is for readers; it follows from the two spans (``objects.kinematics.Joint``) and
 is not read back. ``voxels.read_layout`` makes a layout of what a network says.
@@ -44,6 +48,11 @@ from uniart_jax.voxels.joint_code import encode_joint
 from uniart_jax.voxels.leg_table import Legs, legs_from_json, legs_to_json
 from uniart_jax.voxels.panel_table import Panels, panels_from_json, panels_to_json
 from uniart_jax.voxels.part_table import SMALLEST_SIDE
+from uniart_jax.voxels.revolution_table import (
+    Revolution,
+    revolution_from_json,
+    revolution_to_json,
+)
 
 SCHEMA = 1
 FRAME = "object: z up, front at -x, shown state, longest side 1, centred"
@@ -59,7 +68,8 @@ class Layout:
       parents: [K] rows, -1 for the root; in any order. colors: [K, 3] linear RGB in 0..1.
       confidence: [K] in 0..1. camera: [7] code of the picture's camera, or None.
       legs: what it stands on, panels: what its body is built of, where that is known. boards: what
-        each part is built of; empty, or K, None where that is not known.
+        each part is built of, revolutions: the outlines of parts that are round about an axis; each
+        empty, or K, None where that is not known.
     """
 
     boxes: np.ndarray
@@ -71,6 +81,7 @@ class Layout:
     legs: Legs | None = None
     panels: Panels | None = None
     boards: tuple[Panels | None, ...] = ()
+    revolutions: tuple[Revolution | None, ...] = ()
 
     def __len__(self) -> int:
         return len(self.boxes)
@@ -79,7 +90,8 @@ class Layout:
         types = ", ".join(joint.type for joint in self.joints[:8])
         types += ", ..." if len(self) > 8 else ""
         also = [name for name in ("camera", "legs", "panels") if getattr(self, name) is not None]
-        also += ["boards"] if any(own is not None for own in self.boards) else []
+        for name in ("boards", "revolutions"):
+            also += [name] if any(own is not None for own in getattr(self, name)) else []
         sure = f"; confidence from {min(self.confidence):.2f}" if len(self) else ""
         beside = f"; with {', '.join(also)}" if also else ""
         return f"Layout({len(self)} parts: {types}{sure}{beside})"
@@ -132,7 +144,8 @@ class Layout:
     def to_json(self) -> str:
         """Text of the module's schema."""
         rows = []
-        boards = self.boards or (None,) * len(self)
+        none = (None,) * len(self)
+        boards, revolutions = self.boards or none, self.revolutions or none
         for k, joint in enumerate(self.joints):
             rows.append(
                 {
@@ -149,6 +162,9 @@ class Layout:
                         "travel": _plain(joint.travel),
                     },
                     "boards": None if (own := boards[k]) is None else panels_to_json(own),
+                    "revolution": (
+                        None if (one := revolutions[k]) is None else revolution_to_json(one)
+                    ),
                 }
             )
         camera = None if self.camera is None else _plain(self.camera)
@@ -159,8 +175,8 @@ class Layout:
 
     @staticmethod
     def from_json(text: str) -> Layout:
-        """Read ``to_json``'s text; ``color``, ``confidence``, ``boards``, ``camera``, ``legs``
-        and ``panels`` may be left out.
+        """Read ``to_json``'s text; ``color``, ``confidence``, ``boards``, ``revolution``,
+        ``camera``, ``legs`` and ``panels`` may be left out.
 
         Raises:
           ValueError: one line that names the row and the field.
@@ -174,7 +190,8 @@ class Layout:
         rows = data.get("parts")
         if not isinstance(rows, list) or not rows:
             raise ValueError('layout: "parts" must be a list of at least one part')
-        boxes, joints, parents, colors, confidence, boards = [], [], [], [], [], []
+        boxes, joints, parents, colors, confidence = [], [], [], [], []
+        boards, revolutions = [], []
         for k, row in enumerate(rows):
             where = f"layout: part {k}"
             if not isinstance(row, dict):
@@ -196,6 +213,7 @@ class Layout:
                 raise ValueError(f"{where}: confidence {sure!r} is not in 0..1")
             confidence.append(float(sure))
             boards.append(panels_from_json(row.get("boards"), f"part {k}: board"))
+            revolutions.append(revolution_from_json(row.get("revolution"), where))
         _check_tree(parents)
         camera = data.get("camera")
         camera = None if camera is None else _numbers(data, "camera", 7, "layout")
@@ -211,6 +229,7 @@ class Layout:
             legs_from_json(data.get("legs")),
             panels_from_json(data.get("panels")),
             tuple(boards) if any(b is not None for b in boards) else (),
+            tuple(revolutions) if any(r is not None for r in revolutions) else (),
         )
 
 

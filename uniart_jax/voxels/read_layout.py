@@ -23,6 +23,7 @@ from uniart_jax.voxels.leg_table import read_legs
 from uniart_jax.voxels.opening_direction import round_about, still_parts
 from uniart_jax.voxels.panel_table import Panels, read_boards, read_panels
 from uniart_jax.voxels.part_table import SMALLEST_SIDE, THRESHOLD
+from uniart_jax.voxels.revolution_table import Revolution, read_revolution
 
 KNOB = 0.15  # object units; what turns far and is no larger is a knob
 FAR = np.deg2rad(144)
@@ -86,9 +87,12 @@ def read_layout(outputs: dict[str, np.ndarray], threshold: float = THRESHOLD) ->
             else read_boards(outputs, row, boxes[k])
             for k, row in enumerate(rows.tolist())
         )
+    revolutions: tuple[Revolution | None, ...] = ()
+    if "round_axis" in outputs:
+        revolutions = tuple(read_revolution(outputs, row) for row in rows.tolist())
     sure = probability[rows]
     return with_common_edges(
-        Layout(boxes, joints, parents, colors, sure, camera, legs, panels, boards)
+        Layout(boxes, joints, parents, colors, sure, camera, legs, panels, boards, revolutions)
     )
 
 

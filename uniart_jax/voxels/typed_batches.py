@@ -35,6 +35,7 @@ class LayoutBatch(NamedTuple):
         the legs explain.
       boards: the same of each part. board_counts: -1 where they are not known, as of the body and
         of what is narrow. board_share: of each.
+      revolutions: parts that are round about an axis (``voxels.revolution_table.table``).
     """
 
     image: Annotated[Array, "B H W 3", "float"]
@@ -53,18 +54,19 @@ class LayoutBatch(NamedTuple):
     boards: Annotated[Array, "B K M 6", "float"] = None
     board_counts: Annotated[Array, "B K", "int"] = None
     board_share: Annotated[Array, "B K", "float"] = None
+    revolutions: Annotated[Array, "B K 11", "float"] = None
 
 
-BOX_SETS = tuple(LayoutBatch._field_defaults)  # fields of legs, panels and boards
+BOX_SETS = tuple(LayoutBatch._field_defaults)  # fields of legs, panels, boards and revolutions
 
 
 def parts_of(batch: LayoutBatch) -> LayoutBatch:
-    """A batch without its legs, panels and boards."""
+    """A batch without its legs, panels, boards and revolutions."""
     return batch._replace(**dict.fromkeys(BOX_SETS))
 
 
 def has_parts_alone(batch: LayoutBatch) -> bool:
-    """Whether a batch has no legs, no panels and no boards."""
+    """Whether a batch has no legs, panels, boards and revolutions."""
     return all(getattr(batch, name) is None for name in BOX_SETS)
 
 

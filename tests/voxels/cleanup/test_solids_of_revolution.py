@@ -1,0 +1,103 @@
+"""Parts that are round get the outlines that the layout has."""
+
+import numpy as np
+import pytest
+from fields import AT, N, assert_same, block, box_of, copy_of, field_of, place_of, solid_of
+
+from uniart_jax.voxels.cleanup.solids_of_revolution import WALL, with_revolutions
+from uniart_jax.voxels.isosurface import DenseField, part_mesh
+from uniart_jax.voxels.revolution_table import Revolution
+
+LOW, HIGH, MIDDLE = 12.3, 44.3, 32.3  # cells
+CORNERS = ((MIDDLE - 16, MIDDLE - 16, LOW), (MIDDLE + 16, MIDDLE + 16, HIGH))
+BOX = box_of(*CORNERS)
+RHO = np.hypot(AT[0] - MIDDLE, AT[1] - MIDDLE)
+
+
+def revolution(radii=(16.0,), axis=2):
+    return Revolution(axis, place_of([MIDDLE, MIDDLE]), np.array(radii) / N)
+
+
+def turned(field, drawn=None, box=BOX, outline=None, axis=2):
+    one = {0: outline or revolution(axis=axis)}
+    return with_revolutions(field, field if drawn is None else drawn, box[None], one)
+
+
+def about(field: DenseField, axis: int) -> DenseField:
+    """The same about another axis, which takes z's place."""
+    return DenseField(*(np.moveaxis(v, 2, axis) for v in (field.sdf, field.owner, field.source)))
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_block_becomes_a_cylinder(axis):
+    field = about(field_of(block(*CORNERS)), axis)
+    before = copy_of(field)
+    box = np.concatenate([np.insert(h[:2], axis, h[2]) for h in (BOX[:3], BOX[3:])])
+    after, built = turned(field, box=box, axis=axis)
+    assert built == [0]
+    assert_same(field, before)
+    solid = np.moveaxis(solid_of(after, 0), axis, 2)
+    wanted = (RHO < 16) & (AT[2] > LOW) & (AT[2] < HIGH)
+    np.testing.assert_array_equal(solid, wanted)
+    mesh = part_mesh(after, 0, (slice(1, N + 1),) * 3, np.zeros((N**3, 3), np.uint8))
+    assert mesh.is_watertight
+    assert mesh.volume == pytest.approx(np.pi * 16**2 * (HIGH - LOW) / N**3, rel=0.02)
+
+
+def test_radii_go_from_the_lower_end_to_the_upper():
+    after, _ = turned(field_of(block(*CORNERS)), outline=revolution((8.0, 16.0)))
+    layers = solid_of(after, 0).sum((0, 1))
+    assert layers[15] == pytest.approx(np.pi * 8**2, rel=0.05)
+    assert layers[42] == pytest.approx(np.pi * 16**2, rel=0.05)
+
+
+def pot(top=HIGH):
+    """A square one with torn walls, open at ``top``."""
+    corners = (CORNERS[0], (*CORNERS[1][:2], top))
+    room = block((MIDDLE - 13, MIDDLE - 13, LOW + 4), (MIDDLE + 13, MIDDLE + 13, HIGH + 9))
+    torn = np.random.default_rng(0).random(AT.shape[1:]) < 0.2
+    wall = np.maximum(block(*corners), -room)
+    return field_of(np.where(torn & (wall > -2) & (AT[2] > LOW + 5), 0.5, wall))
+
+
+def test_a_pot_stays_hollow_and_open_and_its_wall_is_whole():
+    solid = solid_of(turned(pot())[0], 0)
+    high = (AT[2] > LOW + 6) & (AT[2] < HIGH)
+    assert solid[high & (RHO < 15.9) & (RHO > 16.1 - WALL)].all()
+    assert not solid[high & (RHO < 12)].any()
+    assert not solid[RHO > 16].any()
+
+
+def test_what_stands_out_of_it_stays_where_its_box_is_larger():
+    spout = block((MIDDLE + 10, MIDDLE - 2, 24.3), (MIDDLE + 28, MIDDLE + 2, 30.3))
+    body = block(*CORNERS)
+    field = field_of(np.minimum(body, spout))
+    wide = box_of(CORNERS[0], (MIDDLE + 28, *CORNERS[1][1:]))
+    solid = solid_of(turned(field, box=wide)[0], 0)
+    assert solid[(spout < -0.5) & (RHO > 17)].all()
+    assert not solid[(spout > 0.5) & (RHO > 17.5)].any()  # not the block's corners
+    assert not solid_of(turned(field)[0], 0)[RHO > 16.5].any()
+
+
+def test_other_parts_stay_as_they_are():
+    lid = block((MIDDLE - 16, MIDDLE - 16, HIGH - 4), (MIDDLE + 16, MIDDLE + 16, HIGH + 3))
+    field = field_of(block(*CORNERS), lid)
+    after, _ = turned(field)
+    np.testing.assert_array_equal(solid_of(after, 1), solid_of(field, 1))
+
+
+def test_its_outside_is_as_drawn_before_other_passes():
+    """A spout that another pass took off is there again."""
+    spout = block((MIDDLE + 10, MIDDLE - 2, 24.3), (MIDDLE + 28, MIDDLE + 2, 30.3))
+    drawn, field = field_of(np.minimum(block(*CORNERS), spout)), field_of(block(*CORNERS))
+    wide = box_of(CORNERS[0], (MIDDLE + 28, *CORNERS[1][1:]))
+    solid = solid_of(turned(field, drawn, wide)[0], 0)
+    assert solid[(spout < -0.5) & (RHO > 17)].all()
+
+
+@pytest.mark.parametrize("radii", [(3.0,), (6.0,)], ids=["too thin", "another shape"])
+def test_it_is_left_out_where_voxels_show_another_shape(radii):
+    field = field_of(block(*CORNERS))
+    after, built = turned(field, outline=revolution(radii))
+    assert built == []
+    assert_same(field, after)

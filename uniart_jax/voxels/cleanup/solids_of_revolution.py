@@ -1,0 +1,132 @@
+"""Parts that are round about an axis, as pots, jars and lids, get the outlines that the layout has.
+
+Of round things that are not doors or drums a network draws a box with round edges, torn where the
+picture shows little. Its layout network tells that a part is round, about which axis and how far it
+reaches from it, layer by layer (``voxels.revolution_table``). So the part's outside becomes that
+solid of revolution; its inside, and what stands out of it, as a spout does, stay as they are drawn.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+
+import numpy as np
+
+from uniart_jax.voxels.isosurface import ZERO, DenseField
+from uniart_jax.voxels.revolution_table import Revolution
+
+AGREE = 0.6  # least share of a part that lies within its solid of revolution ...
+SLACK = 0.15  # ... or no farther from it than this share of its largest radius
+NARROW = 4.0  # sub-cells, least radius of such a solid
+WALL = 3.0  # sub-cells, that a hollow part's wall is thick at least
+FULL = 0.5  # share of what is within its wall that is solid, from which on a part is not hollow
+OUT = 1.15  # a box that reaches so many radii from the axis has something that stands out there
+ASIDE = 0.35  # of the largest radius, that it is off that direction at most
+NEAR = 2.0  # sub-cells from a surface within which its distance is written
+STEEPEST = 3.0  # radius over height, slope of an outline that distances allow for
+
+
+def with_revolutions(
+    field: DenseField,
+    drawn: DenseField,
+    boxes: np.ndarray,
+    revolutions: Mapping[int, Revolution],
+) -> tuple[DenseField, list[int]]:
+    """A field whose parts ``revolutions`` are solids of revolution.
+
+    Args:
+      field: of the shown state. drawn: the same before other passes. boxes: [K, 6] centre and size
+        of the first K parts, object units. revolutions: outlines of some of them.
+
+    Returns:
+      A new field, in which cells of other parts are as they were, and the parts that it was done
+      for; not for those of which voxels show another shape.
+    """
+    field = dataclasses.replace(field, sdf=field.sdf.copy(), owner=field.owner.copy())
+    built = []
+    for part, revolution in revolutions.items():
+        views = (np.moveaxis(v, revolution.axis, 0) for v in (field.sdf, field.owner))
+        was = (np.moveaxis(v, revolution.axis, 0) for v in (drawn.sdf, drawn.owner))
+        if _turned(*views, *was, part, boxes[part], revolution):
+            built.append(part)
+    return field, built
+
+
+def _turned(
+    sdf: np.ndarray,
+    owner: np.ndarray,
+    drawn_sdf: np.ndarray,
+    drawn_owner: np.ndarray,
+    part: int,
+    box: np.ndarray,
+    revolution: Revolution,
+) -> bool:
+    """In place: one part, in cells [D, U, V], D along its axis; False where voxels show another
+    shape."""
+    size = len(sdf) - 2
+    across = np.delete(np.arange(3), revolution.axis)
+    low, high = (
+        (box[revolution.axis] + s * box[3 + revolution.axis] / 2 + 0.5) * size + 0.5
+        for s in (-1, 1)
+    )
+    middle = (revolution.center + 0.5) * size + 0.5
+    depth = np.arange(len(sdf), dtype=np.float32)
+    radius = revolution.radius((depth - low) / max(high - low, 1e-6)) * size
+    if radius.max() < NARROW or high - low < 1:
+        return False
+    slope = np.clip(np.gradient(radius), -STEEPEST, STEEPEST)
+    u, v = (np.arange(n) - m for n, m in zip(sdf.shape[1:], middle, strict=True))
+    away = np.hypot(u[:, None], v[None]).astype(np.float32)
+    radial = (away[None] - radius[:, None, None]) / np.hypot(1, slope)[:, None, None]
+    end = np.maximum(low - depth, depth - high)[:, None, None]
+    outside = np.maximum(radial, end).astype(np.float32)
+
+    mine = (drawn_sdf < 0) & (drawn_owner == part)
+    if not mine.any() or (outside[mine] < SLACK * radius.max()).mean() < AGREE:
+        return False
+
+    ours = (owner == part) | (sdf > 0)
+    ours[[0, -1]] = ours[:, [0, -1]] = ours[:, :, [0, -1]] = False  # the layer of outside
+    reach = box[3 + across] / 2 * size
+    centre = (box[across] + 0.5) * size + 0.5
+    stands = ours & mine & (radial > 0) & (end < 0) & _standing(u, v, middle, centre, reach, radius)
+    within = (radial < -WALL) & (end < -WALL)
+    hollow = within.any() and mine[within].mean() < FULL
+    near_it = (outside < 0) | (owner == part) | (owner < 0)  # distances of others stay
+    written = ours & near_it & (outside < NEAR)
+    if hollow:
+        written &= ~within
+        for closing in (depth < low + WALL, depth > high - WALL):
+            cap = closing[:, None, None] & (radial < -WALL) & (end < 0)
+            if cap.any() and mine[cap].mean() < FULL:  # it is open there
+                written &= ~cap
+                sdf[cap & ours & (owner == part) & (sdf < 0)] = 0.5
+    loose = ours & (owner == part) & (outside >= 0) & (sdf < 0)
+    sdf[loose] = np.maximum(outside[loose], 0.5)
+    sdf[written] = np.clip(outside[written], -NEAR, NEAR)
+    sdf[stands] = np.minimum(drawn_sdf[stands], sdf[stands])
+    sdf[written & (np.abs(sdf) < ZERO)] = -ZERO
+    owner[(written | stands) & (sdf < 0)] = part
+    return True
+
+
+def _standing(
+    u: np.ndarray,
+    v: np.ndarray,
+    middle: np.ndarray,
+    centre: np.ndarray,
+    reach: np.ndarray,
+    radius: np.ndarray,
+) -> np.ndarray:
+    """[U, V] bool, narrow strips from the axis to the sides to which a box, of that ``centre`` and
+    ``reach`` [2], goes well beyond the outline: there something may stand out of it."""
+    strips = np.zeros((len(u), len(v)), bool)
+    thin = ASIDE * radius.max()
+    along = ((u[:, None], np.abs(v)[None] < thin), (v[None], np.abs(u)[:, None] < thin))
+    for which, (places, near) in enumerate(along):
+        for sign in (-1, 1):
+            far = sign * (centre[which] - middle[which]) + reach[which]
+            if far > OUT * radius.max() + 1:
+                strips |= near & (sign * places > 0)
+    return strips
