@@ -301,6 +301,26 @@ MUTANTS = (
         "test_what_no_voxel_shows_is_room_behind_flush_walls_and_solid_below_a_skin",
     ),
     Mutant(
+        "uniart_jax/voxels/cleanup/solids_of_revolution.py",
+        "(outside < NEAR) & ~within",
+        "(outside < NEAR)",
+        "tests/voxels/cleanup/test_solids_of_revolution.py::"
+        "test_a_pot_stays_hollow_and_open_and_its_wall_is_whole",
+    ),
+    Mutant(
+        "uniart_jax/data/mirror.py",
+        "radii[..., ::-1]",
+        "radii",
+        "tests/data/test_revolution_labels.py::test_rows_are_mirrored_as_their_objects_are",
+    ),
+    Mutant(
+        "uniart_jax/training/revolution_loss.py",
+        "round_ones = weights * (axis > 0)",
+        "round_ones = weights",
+        "tests/training/test_revolution_loss.py::"
+        "test_an_outline_is_off_in_shares_of_half_its_box",
+    ),
+    Mutant(
         "uniart_jax/inference/samplers.py",
         "> THRESHOLD",
         "> 0.5",

@@ -16,6 +16,7 @@ from uniart_jax.objects.kinematics import Joint
 from uniart_jax.simulation.summary import verdicts
 from uniart_jax.simulation.validate import validate
 from uniart_jax.voxels.kind import kind_of
+from uniart_jax.voxels.revolution_table import Revolution
 
 GOOD = {"passed": True, "value": 0.0, "limit": 0}
 BAD = {"passed": False, "value": 3.0, "limit": 0, "reason": "'<door>' hangs in the air"}
@@ -86,6 +87,9 @@ def test_parts_in_words():
     ordered = root_first(toy_layout())
     assert ordered.parents == (-1, 0) and ordered.joints[1] == toy_layout().joints[0]
     np.testing.assert_array_equal(ordered.boxes[::-1], toy_layout().boxes)
+    outline = Revolution(2, np.zeros(2), np.array([0.1]))
+    turned = root_first(dataclasses.replace(toy_layout(), revolutions=(outline, None)))
+    assert turned.revolutions == (None, outline)
     assert motion(Joint([0, 0, 0], [0, 0, 1], (0, np.pi / 2))) == "turns by 90°"
     assert motion(Joint([0, 0, 0], [0, 0, 1], (-4, 4))) == "turns all round"
     screw = Joint([0, 0, 0], [0, 0, 1], (0, np.pi), (0, -0.05))

@@ -58,9 +58,13 @@ def test_a_handle_does_not_move_it():
         trimesh.creation.cylinder(0.1, 0.3, sections=48).apply_scale((1, 0.5, 1)),
         trimesh.creation.cylinder(0.01, 0.3, sections=48),
         trimesh.creation.cylinder(0.15, 0.3, sections=4),
+        trimesh.util.concatenate(
+            [trimesh.creation.box((0.03, 0.03, 0.3)).apply_translation((x, y, 0)) for x in (-0.1, 0.1) for y in (-0.1, 0.1)]  # noqa: E501
+        ),
+        trimesh.creation.box((0.02, 0.3, 0.3)) + trimesh.creation.box((0.05, 0.02, 0.2)).apply_translation((0.034, 0, 0)),  # noqa: E501
     ],
-    ids=["box", "oval", "rod", "turned box"],
-)
+    ids=["box", "oval", "rod", "turned box", "four posts", "plate with a handle"],
+)  # fmt: skip
 def test_what_is_not_round_or_too_thin_is_none(mesh):
     assert only(part_of(mesh)) is None
 

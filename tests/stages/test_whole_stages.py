@@ -286,8 +286,9 @@ def test_retrieval_among_held_out_objects_is_refused(trained, tmp_path):
     prepare_procedural(
         tmp_path / "records", 1, start_seed=procedural.HELD_OUT_SEED, grid=config.model.grid, image_size=32, processes=1  # noqa: E501
     )  # fmt: skip
+    last = procedural.HELD_OUT_SEED
     with pytest.raises(ValueError, match="holds held-out objects"):
-        make_retrieval(uniart_jax.load(workdir), tmp_path / "records")
+        make_retrieval(uniart_jax.load(workdir), tmp_path / "records", last + 100)
 
 
 def test_retrieval_among_validation_objects_under_test_is_refused(trained, tmp_path):

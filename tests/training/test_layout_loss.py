@@ -14,6 +14,7 @@ from uniart_jax.training.matching import match
 from uniart_jax.training.state import create_state, make_optimizer
 from uniart_jax.training.step import make_train_step
 from uniart_jax.voxels.joint_code import gauge_variants
+from uniart_jax.voxels.revolution_table import RADII, Revolution, table
 from uniart_jax.voxels.typed_batches import LayoutBatch
 
 K, Q = 5, 8
@@ -194,3 +195,32 @@ def test_boards_are_in_the_loss_at_the_query_of_their_part(setting):
     wrong = losses(out | {"boards": turned}, batch)
     assert float(wrong["boards"]) > 1
     np.testing.assert_allclose(wrong["loss"], plain["loss"] + wrong["boards"], rtol=1e-5)
+
+
+def test_revolutions_are_in_the_loss_at_the_query_of_their_part(setting):
+    """A round part at the query that it was matched to costs nothing, at another it does."""
+    out, batch = setting
+
+    @jax.jit
+    def matched(parts, batch):
+        return match(match_cost(parts, to_corners(batch.boxes), batch.codes), batch.part_counts)
+
+    query = np.asarray(matched(out["parts"], batch))
+    round_one = Revolution(1, np.array([0.1, -0.2]), np.full(RADII, 0.3))
+    rows = np.stack([table([None, round_one], K), table([None] * 4 + [round_one], K)])
+    batch = batch._replace(revolutions=rows)
+    said = {
+        "axis": np.tile(np.array([20.0, 0, 0, 0], np.float32), (2, Q, 1)),
+        "centers": np.full((2, Q, 3, 2), 7, np.float32),
+        "radii": np.full((2, Q, 3, RADII), 7, np.float32),
+    }
+    for item, part in ((0, 1), (1, 4)):
+        at = item, query[item, part]
+        said["axis"][at] = [0, 0, 20, 0]
+        said["centers"][at][1], said["radii"][at][1] = round_one.center, round_one.radii
+    right, plain = losses(out | {"revolutions": said}, batch), losses(out, batch)
+    assert abs(float(right["revolutions"])) < 1e-5 and "revolutions" not in plain
+    np.testing.assert_allclose(right["loss"], plain["loss"], rtol=1e-5)
+    wrong = losses(out | {"revolutions": jax.tree.map(lambda x: np.roll(x, 1, 1), said)}, batch)
+    assert float(wrong["revolutions"]) > 1
+    np.testing.assert_allclose(wrong["loss"], plain["loss"] + wrong["revolutions"], rtol=1e-5)

@@ -129,14 +129,14 @@ def test_round_parts_have_the_layouts_outlines():
     boxes = np.array([box_of(*ends[0]), [0, 0, 0.3, 0.01, 0.01, 0.01], box_of(*ends[1])])
     slide = Joint(np.zeros(3), (0.0, 0, 1), travel=(0.0, 0.1))
     outlines = Revolution(2, np.array([0.3, 0.3]), np.array([0.1])), None
-    outlines += (Revolution(2, np.zeros(2), np.array([0.2, 0.1])),)
+    outlines += (Revolution(2, np.zeros(2), np.array([0.2, 0.15])),)
     plain = Layout(
         boxes, (Joint.fixed(), slide, slide), (-1, 0, 0), np.full((3, 3), 0.5), np.ones(3)
     )
     made = assemble_layout(grid, dataclasses.replace(plain, revolutions=outlines))
     before = assemble_layout(grid, plain)
     assert [part.mesh.is_watertight for part in made.parts] == [True, True]
-    cone = np.pi * 0.1 * np.interp((np.arange(200) + 0.5) / 200, [0.25, 0.75], [0.2, 0.1]) ** 2
+    cone = np.pi * 0.1 * np.interp((np.arange(200) + 0.5) / 200, [0.25, 0.75], [0.2, 0.15]) ** 2
     assert made.parts[1].mesh.volume == pytest.approx(cone.mean(), rel=0.06)
     assert made.parts[0].mesh.volume == pytest.approx(before.parts[0].mesh.volume, rel=0.02)
     notes = set(made.provenance) - set(before.provenance)

@@ -12,6 +12,7 @@ from uniart_jax.voxels.front_lines import GAP, fronts_of, with_common_edges
 from uniart_jax.voxels.joint_code import encode_object
 from uniart_jax.voxels.layout import Layout
 from uniart_jax.voxels.panel_table import Panels
+from uniart_jax.voxels.revolution_table import Revolution
 
 OUT = np.array([-1.0, 0, 0])  # fronts face -x
 BODY = np.array([0, 0, 0, 0.6, 1.0, 1.0])
@@ -114,6 +115,9 @@ def test_what_is_no_closed_front_stays_as_it_is():
 def test_a_hinge_and_boards_go_with_their_door():
     boards = (None, None, Panels(np.array([[-0.3, 0.02, 0, -0.27, 0.05, 0.3]]), 0.9))
     given = layout(door([-0.4, 0.0], [0.0, 0.3]), door([0.03, 0.01], [0.43, 0.31]), boards=boards)
+    middle = given.boxes[2, 1:3]
+    rounds = (None, None, Revolution(0, middle + [0.02, 0], np.array([0.1])))
+    given = dataclasses.replace(given, revolutions=rounds)
     found = with_common_edges(given)
     lower, upper = edges(found)
     assert lower[1, 1] - upper[0, 1] == pytest.approx(GAP[1])
@@ -125,6 +129,11 @@ def test_a_hinge_and_boards_go_with_their_door():
     shifted = found.boxes[2, 1] + (np.array([0.02, 0.05]) - given.boxes[2, 1]) * stretch
     np.testing.assert_allclose(found.boards[2].boxes[0, [1, 4]], shifted)
     assert found.boards[1] is None and found.boards[2].share == 0.9
+    wider = found.boxes[2, 4:].sum() / given.boxes[2, 4:].sum()
+    assert wider != pytest.approx(1, abs=1e-3)
+    np.testing.assert_allclose(found.revolutions[2].radii, 0.1 * wider)
+    np.testing.assert_allclose(found.revolutions[2].center, found.boxes[2, 1:3] + [0.02 * wider, 0])
+    assert found.revolutions[:2] == (None, None)
 
 
 def test_what_is_behind_a_front_is_none():

@@ -213,6 +213,23 @@ def test_a_doubtful_pointer_still_gives_a_tree_with_one_root():
         layout.to_object()  # refuses circles and second roots
 
 
+def test_revolutions_are_those_of_the_rows_of_their_parts():
+    """The last two parts', on rows that others who do not exist lie between."""
+    obj = procedural.generate("oven", 3)
+    order = np.arange(len(obj.parts)) * 2 + 1
+    out = outputs_of(obj, queries=2 * len(order) + 1, order=order)
+    count = len(out["exists"])
+    out["round_axis"] = np.tile([5.0, 0, 0, 0], (count, 1))
+    out["round_axis"][order[-2:], [1, 3]] = 9.0
+    out["round_centers"] = np.zeros((count, 3, 2))
+    out["round_radii"] = np.tile(np.arange(1.0, count + 1)[:, None, None] / 100, (1, 3, 8))
+    found = read_layout(out).revolutions
+    assert [None if one is None else one.axis for one in found[-2:]] == [0, 2]
+    assert not any(found[:-2])
+    assert [one.radii[0] for one in found[-2:]] == pytest.approx((order[-2:] + 1) / 100)
+    assert read_layout(outputs_of(obj)).revolutions == ()
+
+
 def test_nothing_above_the_threshold_leaves_the_surest_row():
     out = outputs_of(procedural.generate("oven", 3))
     out["exists"] -= 100.0

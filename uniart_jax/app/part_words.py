@@ -44,6 +44,7 @@ def root_first(layout: Layout) -> Layout:
         colors=layout.colors[order],
         confidence=layout.confidence[order],
         boards=tuple(layout.boards[k] for k in order) if layout.boards else (),
+        revolutions=tuple(layout.revolutions[k] for k in order) if layout.revolutions else (),
     )
 
 

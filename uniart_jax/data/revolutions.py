@@ -60,7 +60,10 @@ def _about(
     layer = np.repeat(np.arange(RADII), [len(outline) for outline in outlines])
     points = np.concatenate(outlines)[:, np.argsort(order[:2])]
     center, ends, radii = _fitted(points, layer, large / 2)
+    if radii.min() <= 0:  # a slice that is missing in most directions
+        return None
     near = np.abs(ends - radii[:, None]) < OFF * np.maximum(radii, radii.max() / 4)[:, None]
+    near &= ends > 0
     return float((near.mean(1) > AROUND).mean()), Revolution(axis, center, radii)
 
 

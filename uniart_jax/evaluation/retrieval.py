@@ -170,7 +170,7 @@ def make_retrieval(
     in half precision: 25 KB a view. ``first_seed``: of the objects under test; records must end
     before it, lest an object is found itself.
     """
-    if (last := largest_seed(records)) >= first_seed:
+    if (last := largest_seed(records)) >= min(first_seed, procedural.HELD_OUT_SEED):
         kind = "held-out" if last >= procedural.HELD_OUT_SEED else "validation"
         raise ValueError(
             f"{records}: holds {kind} objects (seed {last}); give the records that the "

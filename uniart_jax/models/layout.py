@@ -42,6 +42,7 @@ GUESS = 64  # width of a query's offset from the sketch
 ACROSS = np.array([[1, 2], [0, 2], [0, 1]])  # the other two axes, of each
 HIDDEN_OF_REVOLUTIONS = 96
 SETS = {"legs": MOST_LEGS, "panels": MOST_PANELS, "boards": MOST_BOARDS}  # and rows of a label
+BESIDE_PARTS = (*SETS, "revolutions")  # what a config may ask for beside the parts
 
 
 class Convolutions(nnx.Module):
@@ -259,8 +260,8 @@ class LayoutNetwork(nnx.Module):
             seen = Seen(features, tokens, tokens_place, sketch, y, place, *asked, body, used)
             out |= {name: getattr(self, name)(seen) for name in self.sets}
         if self.config.revolutions and box_sets:
-            corners = jax.lax.stop_gradient(parts[-1]["corners"])
-            out["revolutions"] = self.revolutions(y, corners)
+            seen = jax.lax.stop_gradient((y, parts[-1]["corners"]))  # it trains nothing else
+            out["revolutions"] = self.revolutions(*seen)
         return out
 
     @property

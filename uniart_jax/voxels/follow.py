@@ -187,6 +187,7 @@ def assemble_layout(
             racks = trays(field, boxes, joints, up, body, closed, left)
             if racks:
                 field, _ = with_boards(field, racks, joints, body, exact=True)
+                left -= racks.keys()
                 unfit.extend(f"part {kept[rows[k]]} of the layout made a tray" for k in racks)
             if layout.legs is None:
                 field = with_whole_legs(field, body)

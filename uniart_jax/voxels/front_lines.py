@@ -18,6 +18,7 @@ from uniart_jax.objects.kinematics import Joint, subtrees
 from uniart_jax.voxels.layout import Layout
 from uniart_jax.voxels.panel_table import Panels
 from uniart_jax.voxels.part_table import SMALLEST_SIDE
+from uniart_jax.voxels.revolution_table import Revolution
 
 # lengths in object units
 ALONG = 0.95  # least cosine between a joint's axis and an axis of the lattice
@@ -56,6 +57,7 @@ def with_common_edges(layout: Layout) -> Layout:
     if not len(moved):
         return layout
     joints, boards, below = list(layout.joints), list(layout.boards), subtrees(layout.parents)
+    revolutions = list(layout.revolutions)
     fronts = set(moved.tolist())
     for k in fronts:
         for part in below[k] - (fronts - {k}):
@@ -65,7 +67,22 @@ def with_common_edges(layout: Layout) -> Layout:
             joints[part] = _joint_of(joints[part], old, boxes[part])
             if boards:
                 boards[part] = _boards_of(boards[part], old, boxes[part])
-    return dataclasses.replace(layout, boxes=boxes, joints=tuple(joints), boards=tuple(boards))
+            if revolutions:
+                revolutions[part] = _revolution_of(revolutions[part], old, boxes[part])
+    told = {"joints": joints, "boards": boards, "revolutions": revolutions}
+    return dataclasses.replace(layout, boxes=boxes, **{k: tuple(v) for k, v in told.items()})
+
+
+def _revolution_of(
+    revolution: Revolution | None, old: np.ndarray, new: np.ndarray
+) -> Revolution | None:
+    """The outline of a part whose box [6] is another one now."""
+    if revolution is None:
+        return None
+    across = np.delete(np.arange(3), revolution.axis)
+    wider = new[3 + across].mean() / max(old[3 + across].mean(), SMALLEST_SIDE)
+    center = new[across] + (revolution.center - old[across]) * wider
+    return dataclasses.replace(revolution, center=center, radii=revolution.radii * wider)
 
 
 def fronts_of(layout: Layout) -> list[tuple[int, np.ndarray]]:

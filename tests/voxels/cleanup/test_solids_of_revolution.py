@@ -45,9 +45,9 @@ def test_a_block_becomes_a_cylinder(axis):
 
 
 def test_radii_go_from_the_lower_end_to_the_upper():
-    after, _ = turned(field_of(block(*CORNERS)), outline=revolution((8.0, 16.0)))
+    after, _ = turned(field_of(block(*CORNERS)), outline=revolution((10.0, 16.0)))
     layers = solid_of(after, 0).sum((0, 1))
-    assert layers[15] == pytest.approx(np.pi * 8**2, rel=0.05)
+    assert layers[15] == pytest.approx(np.pi * 10**2, rel=0.05)
     assert layers[42] == pytest.approx(np.pi * 16**2, rel=0.05)
 
 
@@ -93,6 +93,36 @@ def test_its_outside_is_as_drawn_before_other_passes():
     wide = box_of(CORNERS[0], (MIDDLE + 28, *CORNERS[1][1:]))
     solid = solid_of(turned(field, drawn, wide)[0], 0)
     assert solid[(spout < -0.5) & (RHO > 17)].all()
+
+
+def test_a_cup_with_a_thick_wall_keeps_its_room():
+    room = block((MIDDLE - 7, MIDDLE - 7, LOW + 16), (MIDDLE + 7, MIDDLE + 7, HIGH + 9))
+    field = field_of(np.maximum(block(*CORNERS), -room))
+    solid = solid_of(turned(field)[0], 0)
+    assert not solid[room < 0].any()
+    assert solid[(RHO < 15.9) & (room > 0.5) & (AT[2] > LOW) & (AT[2] < HIGH)].all()
+
+
+def test_feet_stay():
+    """Layers that are nothing like the outline, here as wide as the body above."""
+    feet = np.min(
+        [
+            block((x, y, LOW), (x + 4, y + 4, LOW + 8))
+            for x in (MIDDLE - 16, MIDDLE + 12)
+            for y in (MIDDLE - 16, MIDDLE + 12)
+        ],
+        0,
+    )
+    body = block((*CORNERS[0][:2], LOW + 8), CORNERS[1])
+    field = field_of(np.minimum(body, feet))
+    solid = solid_of(turned(field, outline=revolution((9.0, *[16.0] * 3)))[0], 0)
+    np.testing.assert_array_equal(solid[..., 14:19], solid_of(field, 0)[..., 14:19])
+    assert not solid[..., 23:][RHO[..., 23:] > 16.5].any()
+
+
+def test_no_outline_goes_beyond_the_box():
+    solid = solid_of(turned(field_of(block(*CORNERS)), outline=revolution((30.0,)))[0], 0)
+    assert not solid[RHO > 17.5].any()
 
 
 @pytest.mark.parametrize("radii", [(3.0,), (6.0,)], ids=["too thin", "another shape"])

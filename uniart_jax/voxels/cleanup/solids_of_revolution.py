@@ -3,7 +3,10 @@
 Of round things that are not doors or drums a network draws a box with round edges, torn where the
 picture shows little. Its layout network tells that a part is round, about which axis and how far it
 reaches from it, layer by layer (``voxels.revolution_table``). So the part's outside becomes that
-solid of revolution; its inside, and what stands out of it, as a spout does, stay as they are drawn.
+solid of revolution, with a whole wall: openings in its side are closed. Its inside stays as it is
+drawn, and so do layers that are nothing like it, as those of feet, and a spout or a handle where
+the part's box reaches well beyond the outline, along an axis of the frame; what else stands out of
+it is taken away.
 """
 
 from __future__ import annotations
@@ -17,10 +20,11 @@ from uniart_jax.voxels.isosurface import ZERO, DenseField
 from uniart_jax.voxels.revolution_table import Revolution
 
 AGREE = 0.6  # least share of a part that lies within its solid of revolution ...
+LIKE = 0.4  # ... and of a layer ...
 SLACK = 0.15  # ... or no farther from it than this share of its largest radius
 NARROW = 4.0  # sub-cells, least radius of such a solid
-WALL = 3.0  # sub-cells, that a hollow part's wall is thick at least
-FULL = 0.5  # share of what is within its wall that is solid, from which on a part is not hollow
+WALL = 3.0  # sub-cells, that its wall is thick at least
+FULL = 0.5  # least share of the middle of an end that is solid where a part is closed there
 OUT = 1.15  # a box that reaches so many radii from the axis has something that stands out there
 ASIDE = 0.35  # of the largest radius, that it is off that direction at most
 NEAR = 2.0  # sub-cells from a surface within which its distance is written
@@ -40,8 +44,8 @@ def with_revolutions(
         of the first K parts, object units. revolutions: outlines of some of them.
 
     Returns:
-      A new field, in which cells of other parts are as they were, and the parts that it was done
-      for; not for those of which voxels show another shape.
+      A new field, in which solid cells of other parts are as they were, and the parts that it was
+      done for; not those of which voxels show another shape.
     """
     field = dataclasses.replace(field, sdf=field.sdf.copy(), owner=field.owner.copy())
     built = []
@@ -72,7 +76,10 @@ def _turned(
     )
     middle = (revolution.center + 0.5) * size + 0.5
     depth = np.arange(len(sdf), dtype=np.float32)
+    reach = box[3 + across] / 2 * size
+    offset = (box[across] - revolution.center) * size
     radius = revolution.radius((depth - low) / max(high - low, 1e-6)) * size
+    radius = np.minimum(radius, (np.abs(offset) + reach).max() + 1)
     if radius.max() < NARROW or high - low < 1:
         return False
     slope = np.clip(np.gradient(radius), -STEEPEST, STEEPEST)
@@ -83,25 +90,22 @@ def _turned(
     outside = np.maximum(radial, end).astype(np.float32)
 
     mine = (drawn_sdf < 0) & (drawn_owner == part)
-    if not mine.any() or (outside[mine] < SLACK * radius.max()).mean() < AGREE:
+    slack = SLACK * radius.max()
+    if not mine.any() or (outside[mine] < slack).mean() < AGREE:
         return False
-
-    ours = (owner == part) | (sdf > 0)
+    like_it = (mine & (radial < slack)).sum((1, 2)) >= LIKE * mine.sum((1, 2))
+    ours = ((owner == part) | (sdf > 0)) & like_it[:, None, None]
     ours[[0, -1]] = ours[:, [0, -1]] = ours[:, :, [0, -1]] = False  # the layer of outside
-    reach = box[3 + across] / 2 * size
-    centre = (box[across] + 0.5) * size + 0.5
-    stands = ours & mine & (radial > 0) & (end < 0) & _standing(u, v, middle, centre, reach, radius)
-    within = (radial < -WALL) & (end < -WALL)
-    hollow = within.any() and mine[within].mean() < FULL
+    stands = ours & mine & (radial > 0) & (end < 0) & _standing(u, v, offset, reach, radius)
     near_it = (outside < 0) | (owner == part) | (owner < 0)  # distances of others stay
-    written = ours & near_it & (outside < NEAR)
-    if hollow:
-        written &= ~within
+    within = (radial < -WALL) & (end < -WALL)
+    written = ours & near_it & (outside < NEAR) & ~within
+    if within.any():
         for closing in (depth < low + WALL, depth > high - WALL):
             cap = closing[:, None, None] & (radial < -WALL) & (end < 0)
-            if cap.any() and mine[cap].mean() < FULL:  # it is open there
+            middle_of_it = cap & (away < radius[:, None, None] / 2)
+            if middle_of_it.any() and mine[middle_of_it].mean() < FULL:  # it is open there
                 written &= ~cap
-                sdf[cap & ours & (owner == part) & (sdf < 0)] = 0.5
     loose = ours & (owner == part) & (outside >= 0) & (sdf < 0)
     sdf[loose] = np.maximum(outside[loose], 0.5)
     sdf[written] = np.clip(outside[written], -NEAR, NEAR)
@@ -112,21 +116,16 @@ def _turned(
 
 
 def _standing(
-    u: np.ndarray,
-    v: np.ndarray,
-    middle: np.ndarray,
-    centre: np.ndarray,
-    reach: np.ndarray,
-    radius: np.ndarray,
+    u: np.ndarray, v: np.ndarray, offset: np.ndarray, reach: np.ndarray, radius: np.ndarray
 ) -> np.ndarray:
-    """[U, V] bool, narrow strips from the axis to the sides to which a box, of that ``centre`` and
-    ``reach`` [2], goes well beyond the outline: there something may stand out of it."""
+    """[U, V] bool, narrow strips from the axis to the sides to which a box goes well beyond the
+    outline: there something may stand out of it. ``offset``, ``reach``: [2] of the box's middle
+    from the axis, and half of its sides, cells."""
     strips = np.zeros((len(u), len(v)), bool)
     thin = ASIDE * radius.max()
     along = ((u[:, None], np.abs(v)[None] < thin), (v[None], np.abs(u)[:, None] < thin))
     for which, (places, near) in enumerate(along):
         for sign in (-1, 1):
-            far = sign * (centre[which] - middle[which]) + reach[which]
-            if far > OUT * radius.max() + 1:
+            if sign * offset[which] + reach[which] > OUT * radius.max() + 1:
                 strips |= near & (sign * places > 0)
     return strips

@@ -1,0 +1,96 @@
+"""The head of the layout network that tells which parts are round."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from drawn import parameters
+from flax import nnx
+
+from uniart_jax.config import Config, LayoutConfig, ModelConfig
+from uniart_jax.data.mirror import mirror_revolutions
+from uniart_jax.inference.layouts import LayoutPredictor
+from uniart_jax.models.layout import RevolutionHead
+from uniart_jax.models.network import build
+from uniart_jax.stages.layout import LayoutStage
+from uniart_jax.voxels.revolution_table import RADII
+from uniart_jax.voxels.typed_batches import LayoutBatch
+
+SMALL = LayoutConfig(
+    queries=5, image_size=64, backbone="convolutions", map_channels=8, width=16, layers=1, heads=2,
+    sketch_width=12, head_width=12, revolutions=True,
+)  # fmt: skip
+MODEL = ModelConfig(layout=SMALL)
+NETWORK = build("layout", MODEL)
+IMAGE = np.random.default_rng(1).random((2, 64, 64, 3), np.float32)
+
+
+@pytest.fixture(scope="module")
+def params():
+    return parameters(NETWORK)
+
+
+def test_training_begins_with_cylinders_that_fill_their_boxes():
+    head = RevolutionHead(16, 8, nnx.Rngs(0), jnp.float32)
+    lower, size = np.array([-0.4, -0.2, 0.1]), np.array([0.2, 0.3, 0.4])
+    corners = np.tile(np.concatenate([lower, lower + size]), (2, 5, 1)).astype(np.float32)
+    out = head(jnp.ones((2, 5, 16)), corners)
+    assert out["axis"].shape == (2, 5, 4) and not out["axis"].any()
+    middle = lower + size / 2
+    for axis in range(3):
+        np.testing.assert_allclose(out["centers"][1, 2, axis], np.delete(middle, axis), rtol=1e-5)
+        half = np.delete(size, axis).mean() / 2
+        np.testing.assert_allclose(out["radii"][1, 2, axis], [half] * RADII, rtol=1e-5)
+
+
+def test_it_comes_with_the_parts_leaves_them_as_they_are_and_trains_nothing_else(params):
+    bare = build("layout", ModelConfig(layout=dataclasses.replace(SMALL, revolutions=False)))
+    rest = {name: value for name, value in params.items() if name != "revolutions"}
+
+    @jax.jit
+    def run(params):
+        def loss(params):
+            out = NETWORK.apply(params, IMAGE)
+            found = jax.tree.leaves(out["revolutions"])
+            return sum(jnp.square(x - 0.3).sum() for x in found), out
+
+        return jax.grad(loss, has_aux=True)(params)
+
+    gradient, out = jax.device_get(run(params))
+    without = jax.device_get(jax.jit(bare.apply)(rest, IMAGE))
+    assert out.keys() - without.keys() == {"revolutions"}
+    for name in without:
+        jax.tree.map(
+            lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-5, atol=1e-6),
+            out[name],
+            without[name],
+        )
+    size = lambda tree: float(sum(np.abs(x).sum() for x in jax.tree.leaves(tree)))  # noqa: E731
+    assert size(gradient.pop("revolutions")) > 1 and size(gradient) == 0
+
+
+def test_it_is_idle_in_batches_without_revolutions():
+    bare = LayoutBatch(**dict.fromkeys(LayoutBatch._fields))
+    config = Config(model=MODEL)
+    assert LayoutStage().idle(config, bare) == ("revolutions",)
+    held = bare._replace(revolutions=np.zeros((2, 5, 3 + RADII)))
+    assert LayoutStage().idle(config, held) == ()
+
+
+def test_a_mirrored_picture_has_mirrored_outlines(params):
+    predictor = LayoutPredictor(MODEL, params)
+    picture = np.round(IMAGE[0] * 255).astype(np.uint8)
+    out, turned = predictor([picture, picture[:, ::-1]])
+    for axis in range(3):
+        rows, others = (
+            np.concatenate(
+                [np.full((5, 1), 1.0 + axis), o["round_centers"][:, axis], o["round_radii"][:, axis]],  # noqa: E501
+                1,
+            )
+            for o in (out, turned)
+        )  # fmt: skip
+        order = np.abs(mirror_revolutions(rows)[:, None] - others).sum(-1).argmin(1)
+        np.testing.assert_allclose(mirror_revolutions(rows), others[order], atol=1e-4)
+        np.testing.assert_allclose(out["round_axis"], turned["round_axis"][order], atol=1e-4)
