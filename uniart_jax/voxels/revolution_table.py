@@ -104,6 +104,6 @@ def revolution_from_json(data: Any, where: str) -> Revolution | None:
 
 
 def _numbers(values: Any, least: float) -> np.ndarray | None:
-    listed = values if isinstance(values, list) else [None]
+    listed: list[Any] = values if isinstance(values, list) else [None]
     sound = all(type(v) in (int, float) and least <= v <= LIMIT for v in listed)
     return np.array(listed, np.float64) if sound else None

@@ -50,9 +50,9 @@ def with_revolutions(
     field = dataclasses.replace(field, sdf=field.sdf.copy(), owner=field.owner.copy())
     built = []
     for part, revolution in revolutions.items():
-        views = (np.moveaxis(v, revolution.axis, 0) for v in (field.sdf, field.owner))
-        was = (np.moveaxis(v, revolution.axis, 0) for v in (drawn.sdf, drawn.owner))
-        if _turned(*views, *was, part, boxes[part], revolution):
+        every = (field.sdf, field.owner, drawn.sdf, drawn.owner)
+        sdf, owner, *before = (np.moveaxis(values, revolution.axis, 0) for values in every)
+        if _turned(sdf, owner, before[0], before[1], part, boxes[part], revolution):
             built.append(part)
     return field, built
 
