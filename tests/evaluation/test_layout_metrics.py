@@ -15,6 +15,7 @@ from uniart_jax.voxels.camera_code import project
 from uniart_jax.voxels.layout import Layout
 from uniart_jax.voxels.leg_table import Legs
 from uniart_jax.voxels.panel_table import Panels
+from uniart_jax.voxels.revolution_table import Revolution
 
 
 @pytest.fixture(scope="module")
@@ -215,3 +216,28 @@ def test_boards_of_an_open_door_are_drawn_where_it_is_shown():
     low, high = places.min(0) - 3, places.max(0) + 3
     assert (columns >= low[0]).all() and (columns <= high[0]).all()
     assert (rows >= low[1]).all() and (rows <= high[1]).all()
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_outlines_are_drawn_as_circles_about_their_axes(axis):
+    code, side = np.array([0.3, 0.9, 0.4, 1.6, 0.3, 0.1, -0.2]), 384
+    box = np.array([[0.02, -0.03, 0.05, 0.5, 0.5, 0.5]])
+    layout = Layout(box, (Joint.fixed(),), (-1,), np.full((1, 3), 0.5), np.ones(1), code)
+    round_one = Revolution(axis, np.delete(box[0, :3], axis), np.array([0.1, 0.2]))
+    blank = np.zeros((64, 64, 3), np.uint8)
+    plain, circled = (
+        np.asarray(draw_layout(blank, dataclasses.replace(layout, revolutions=own)), int)
+        for own in ((), (round_one,))
+    )
+    drawn = (circled != plain).any(-1)
+    turn = np.linspace(0, 2 * np.pi, 9)
+    for end, radius in ((-0.25, 0.1), (0.25, 0.2)):
+        points = np.empty((len(turn), 3))
+        points[:, np.delete(np.arange(3), axis)] = (
+            round_one.center + radius * np.stack([np.cos(turn), np.sin(turn)], -1)
+        )  # fmt: skip
+        points[:, axis] = box[0, axis] + end
+        for x, y in np.round((project(code, points) + 1) * side / 2).astype(int):
+            near = circled[y - 3 : y + 4, x - 3 : x + 4]
+            assert drawn[y - 3 : y + 4, x - 3 : x + 4].any() or (near != plain[0, 0]).any()
+    assert 300 < drawn.sum() < 12_000

@@ -14,9 +14,11 @@ from uniart_jax.voxels.camera_code import project
 from uniart_jax.voxels.closing import closing_of, moved, undone
 from uniart_jax.voxels.layout import Layout
 from uniart_jax.voxels.leg_table import Legs
+from uniart_jax.voxels.revolution_table import Revolution
 
 SIDE = 384  # pixels of the drawing
 STEPS = 16  # of a path
+CIRCLES = 5  # of a part that is round
 AXIS = 0.12  # half length of a drawn axis, object units
 EDGES = [
     (a, b) for a, b in itertools.combinations(range(8), 2) if bin(a ^ b).count("1") == 1
@@ -31,7 +33,7 @@ def draw_layout(crop: np.ndarray, layout: Layout, side: int = SIDE) -> Image.Ima
 
     Each part has a colour: its box, the confidence at its centre, its axis (white) and the path of
     its centre or, where it turns, of the corner farthest from the axis. What the object stands on,
-    the panels of its body and the boards of its parts are gray.
+    the panels of its body, the boards of its parts and circles of those that are round are gray.
     """
     image = Image.fromarray(crop).resize((side, side), Image.Resampling.BICUBIC)
     image = Image.blend(image, Image.new("RGB", image.size, (40, 40, 40)), 0.25)
@@ -53,6 +55,9 @@ def draw_layout(crop: np.ndarray, layout: Layout, side: int = SIDE) -> Image.Ima
         spots = see(corners)
         for a, b in EDGES:
             pen.line([spots[a], spots[b]], fill=(200, 200, 200), width=1)
+    for k, own in enumerate(layout.revolutions):
+        for circle in [] if own is None else _circles(own, layout.boxes[k]):
+            pen.line(see(circle), fill=(200, 200, 200), width=1)
     for k, (box, joint) in enumerate(zip(layout.boxes, layout.joints, strict=True)):
         color = tuple(int(255 * c) for c in PART_COLORS[k % len(PART_COLORS)])
         signs = np.array(list(itertools.product((-0.5, 0.5), repeat=3)))
@@ -83,6 +88,18 @@ def _leg_corners(legs: Legs) -> np.ndarray:
         for a, b, c in itertools.product((0, 1), repeat=3)
     ]
     return np.stack(rows, 1)
+
+
+def _circles(revolution: Revolution, box: np.ndarray) -> np.ndarray:
+    """[CIRCLES, 4 STEPS + 1, 3] circles of a part's outline between the ends of its box [6]."""
+    axis, across = revolution.axis, np.delete(np.arange(3), revolution.axis)
+    share = np.linspace(0, 1, CIRCLES)
+    turn = np.linspace(0, 2 * np.pi, 4 * STEPS + 1)
+    rims = revolution.radius(share)[:, None, None] * np.stack([np.cos(turn), np.sin(turn)], -1)
+    circles = np.empty((*rims.shape[:2], 3))
+    circles[..., across] = revolution.center + rims
+    circles[..., axis] = (box[axis] + (share - 0.5) * box[3 + axis])[:, None]
+    return circles
 
 
 def _path(joint, box: np.ndarray, corners: np.ndarray) -> np.ndarray:
