@@ -26,8 +26,9 @@ moves, all that it is built of, of a door that stands ajar as it lies closed (``
 where that is follows from its joint and its box, so whoever edits these edits its boards too. Of
 what does not move they are not used, and ``provenance`` says so. A network's panels and boards are
 kept where their share is high, boards not of a disc that turns about its middle. A part with a
-revolution becomes that solid of revolution, where voxels show no other shape; a spout or a handle
-is kept where the part's box reaches beyond it. Whoever edits its box edits ``center`` and ``radii``
+revolution becomes that solid of revolution, where voxels show no other shape and it is not made of
+its box or its boards, or as a tray, a disc or a drum; a spout or a handle is kept where the part's
+box reaches beyond it. Whoever edits its box edits ``center`` and ``radii``
 too.
 
 A part's ``type`` is for readers; it follows from the two spans (``objects.kinematics.Joint``) and

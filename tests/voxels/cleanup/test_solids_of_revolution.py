@@ -103,6 +103,17 @@ def test_a_cup_with_a_thick_wall_keeps_its_room():
     assert solid[(RHO < 15.9) & (room > 0.5) & (AT[2] > LOW) & (AT[2] < HIGH)].all()
 
 
+@pytest.mark.parametrize("height", [5, 7, 12])
+def test_a_shallow_dish_stays_one(height):
+    top = LOW + height
+    room = block((MIDDLE - 14, MIDDLE - 14, LOW + 1.6), (MIDDLE + 14, MIDDLE + 14, top + 9))
+    corners = (CORNERS[0], (*CORNERS[1][:2], top))
+    field = field_of(np.maximum(block(*corners), -room))
+    solid = solid_of(turned(field, box=box_of(*corners))[0], 0)
+    assert not solid[(RHO < 12) & (AT[2] > LOW + WALL)].any()
+    assert solid[(RHO < 15.5) & (AT[2] > LOW) & (AT[2] < LOW + 1.5)].all()
+
+
 def test_feet_stay():
     """Layers that are nothing like the outline, here as wide as the body above."""
     feet = np.min(

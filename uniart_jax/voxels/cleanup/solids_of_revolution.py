@@ -3,10 +3,10 @@
 Of round things that are not doors or drums a network draws a box with round edges, torn where the
 picture shows little. Its layout network tells that a part is round, about which axis and how far it
 reaches from it, layer by layer (``voxels.revolution_table``). So the part's outside becomes that
-solid of revolution, with a whole wall: openings in its side are closed. Its inside stays as it is
-drawn, and so do layers that are nothing like it, as those of feet, and a spout or a handle where
-the part's box reaches well beyond the outline, along an axis of the frame; what else stands out of
-it is taken away.
+solid of revolution, with a whole wall of ``WALL`` sub-cells: openings in its side are closed. What
+is within that wall stays as it is drawn, and so do layers that are nothing like the solid, as those
+of feet, and a spout or a handle where the part's box reaches well beyond the outline, along an axis
+of the frame; what else stands out of it is taken away.
 """
 
 from __future__ import annotations
@@ -100,12 +100,11 @@ def _turned(
     near_it = (outside < 0) | (owner == part) | (owner < 0)  # distances of others stay
     within = (radial < -WALL) & (end < -WALL)
     written = ours & near_it & (outside < NEAR) & ~within
-    if within.any():
-        for closing in (depth < low + WALL, depth > high - WALL):
-            cap = closing[:, None, None] & (radial < -WALL) & (end < 0)
-            middle_of_it = cap & (away < radius[:, None, None] / 2)
-            if middle_of_it.any() and mine[middle_of_it].mean() < FULL:  # it is open there
-                written &= ~cap
+    for closing in (depth < low + WALL, depth > high - WALL):
+        cap = closing[:, None, None] & (radial < -WALL) & (end < 0)
+        middle_of_it = cap & (away < radius[:, None, None] / 2)
+        if middle_of_it.any() and mine[middle_of_it].mean() < FULL:  # it is open there
+            written &= ~cap
     loose = ours & (owner == part) & (outside >= 0) & (sdf < 0)
     sdf[loose] = np.maximum(outside[loose], 0.5)
     sdf[written] = np.clip(outside[written], -NEAR, NEAR)
