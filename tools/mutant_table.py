@@ -309,8 +309,8 @@ MUTANTS = (
     ),
     Mutant(
         "uniart_jax/data/mirror.py",
-        "radii[..., ::-1]",
-        "radii",
+        "axis == 2, radii[..., ::-1], radii",
+        "axis == 2, radii, radii",
         "tests/data/test_revolution_labels.py::test_rows_are_mirrored_as_their_objects_are",
     ),
     Mutant(

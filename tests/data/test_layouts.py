@@ -13,7 +13,7 @@ from uniart_jax.data.legs import legs_of
 from uniart_jax.data.panels import boards_of, panels_of
 from uniart_jax.data.revolutions import revolutions_of
 from uniart_jax.voxels.part_table import MOST_BOARDS, MOST_LEGS, MOST_PANELS
-from uniart_jax.voxels.revolution_table import table
+from uniart_jax.voxels.revolution_table import revolution_rows
 
 SETTINGS = layouts.LayoutSettings(image_size=32)
 MODEL = ModelConfig(grid=GridConfig(32, 4, 16), layout=LayoutConfig(image_size=32))
@@ -89,34 +89,33 @@ def test_panels_are_those_of_the_shown_state(data, monkeypatch):
     assert not block["panels"][2].any() and block["panel_share"][2] == 0
 
 
-def test_revolutions_are_those_of_the_shown_parts(data, monkeypatch):
+def block_and_labels(monkeypatch, name, label):
+    """A block, and for each item of it what ``label`` says of the parts; they are its parts."""
     found = []
 
     def noted(shown):
-        found.append((revolutions_of(shown), np.asarray(shown.boxes)))
+        found.append((label(shown), np.asarray(shown.boxes)))
         return found[-1][0]
 
-    monkeypatch.setattr(layouts, "revolutions_of", noted)
+    monkeypatch.setattr(layouts, name, noted)
     block = layouts.make_block(0, SETTINGS)
-    assert block["revolutions"][..., 0].any()
-    for item, (revolutions, boxes) in enumerate(found):
+    for item, (_, boxes) in enumerate(found):
         np.testing.assert_allclose(block["boxes"][item][: len(boxes)], boxes, atol=1e-6)
-        rows = table(revolutions, SETTINGS.max_parts)
+    return block, [labels for labels, _ in found]
+
+
+def test_revolutions_are_those_of_the_shown_parts(data, monkeypatch):
+    block, found = block_and_labels(monkeypatch, "revolutions_of", revolutions_of)
+    assert block["revolutions"][..., 0].any()
+    for item, revolutions in enumerate(found):
+        rows = revolution_rows(revolutions, SETTINGS.max_parts)
         np.testing.assert_array_equal(block["revolutions"][item], rows)
 
 
 def test_boards_are_those_of_the_shown_parts(data, monkeypatch):
-    found = []
-
-    def noted(shown):
-        found.append((boards_of(shown), np.asarray(shown.boxes)))
-        return found[-1][0]
-
-    monkeypatch.setattr(layouts, "boards_of", noted)
-    block = layouts.make_block(0, SETTINGS)
+    block, found = block_and_labels(monkeypatch, "boards_of", boards_of)
     assert max(block["board_counts"].ravel()) > 0
-    for item, (boards, boxes) in enumerate(found):
-        np.testing.assert_allclose(block["boxes"][item][: len(boxes)], boxes, atol=1e-6)
+    for item, boards in enumerate(found):
         for part in range(SETTINGS.max_parts):
             own = boards[part] if part < len(boards) else None
             count = -1 if own is None else len(own)

@@ -8,7 +8,7 @@ from uniart_jax import procedural
 from uniart_jax.data.mirror import mirror_revolutions
 from uniart_jax.data.revolutions import revolutions_of
 from uniart_jax.objects.object import ArticulatedObject, Part
-from uniart_jax.voxels.revolution_table import RADII, table
+from uniart_jax.voxels.revolution_table import RADII, revolution_rows
 
 TO_X, TO_Y = (trimesh.transformations.rotation_matrix(np.pi / 2, a) for a in ((0, 1, 0), (1, 0, 0)))
 TURNS = {0: TO_X, 1: np.linalg.inv(TO_Y), 2: np.eye(4)}  # the upper end stays the upper one
@@ -79,10 +79,10 @@ def test_rows_are_mirrored_as_their_objects_are(axis):
     part = part_of(cone(), turn=TURNS[axis], shift=(0.03, -0.05, 0.07))
     flip = np.diag([1.0, -1, 1, 1])
     turned = Part("part", part.mesh.copy().apply_transform(flip))
-    mirrored = mirror_revolutions(table([only(part)], 2))
-    np.testing.assert_allclose(mirrored, table([only(turned)], 2), atol=2e-3)
+    mirrored = mirror_revolutions(revolution_rows([only(part)], 2))
+    np.testing.assert_allclose(mirrored, revolution_rows([only(turned)], 2), atol=2e-3)
     assert (mirrored[0, 0], mirrored[1].any()) == (1 + axis, False)
-    np.testing.assert_allclose(mirror_revolutions(mirrored), table([only(part)], 2))
+    np.testing.assert_allclose(mirror_revolutions(mirrored), revolution_rows([only(part)], 2))
 
 
 def test_bodies_of_jars_are_round_and_those_of_cabinets_are_not():

@@ -14,7 +14,7 @@ from uniart_jax.training.matching import match
 from uniart_jax.training.state import create_state, make_optimizer
 from uniart_jax.training.step import make_train_step
 from uniart_jax.voxels.joint_code import gauge_variants
-from uniart_jax.voxels.revolution_table import RADII, Revolution, table
+from uniart_jax.voxels.revolution_table import RADII, Revolution, revolution_rows
 from uniart_jax.voxels.typed_batches import LayoutBatch
 
 K, Q = 5, 8
@@ -207,7 +207,9 @@ def test_revolutions_are_in_the_loss_at_the_query_of_their_part(setting):
 
     query = np.asarray(matched(out["parts"], batch))
     round_one = Revolution(1, np.array([0.1, -0.2]), np.full(RADII, 0.3))
-    rows = np.stack([table([None, round_one], K), table([None] * 4 + [round_one], K)])
+    rows = np.stack(
+        [revolution_rows([None, round_one], K), revolution_rows([None] * 4 + [round_one], K)]
+    )
     batch = batch._replace(revolutions=rows)
     said = {
         "axis": np.tile(np.array([20.0, 0, 0, 0], np.float32), (2, Q, 1)),

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from uniart_jax.training.revolution_loss import revolution_losses
-from uniart_jax.voxels.revolution_table import RADII, Revolution, table
+from uniart_jax.voxels.revolution_table import RADII, Revolution, revolution_rows
 from uniart_jax.voxels.typed_batches import LayoutBatch
 
 ROUND = Revolution(2, np.array([0.1, -0.2]), np.linspace(0.1, 0.2, RADII))
@@ -31,7 +31,7 @@ def said(axes, axis=2, center=(0.1, -0.2), radii=ROUND.radii):
     return out
 
 
-BATCH = batch_of(table([None, ROUND, None], 3))
+BATCH = batch_of(revolution_rows([None, ROUND, None], 3))
 WEIGHTS = np.array([[0.5, 0.5, 0.0]], np.float32)
 
 
@@ -55,7 +55,7 @@ def test_an_outline_is_off_in_shares_of_half_its_box():
 
 
 def test_a_batch_without_round_parts_has_no_outline():
-    terms = losses(said([0, 0, 0]), batch_of(table([None] * 3, 3)), WEIGHTS)
+    terms = losses(said([0, 0, 0]), batch_of(revolution_rows([None] * 3, 3)), WEIGHTS)
     assert float(terms["revolutions_outline"]) == 0
     assert np.isfinite(float(terms["revolutions"]))
 

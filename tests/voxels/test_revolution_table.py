@@ -11,8 +11,8 @@ from uniart_jax.voxels.revolution_table import (
     Revolution,
     read_revolution,
     revolution_from_json,
+    revolution_rows,
     revolution_to_json,
-    table,
 )
 
 ROUND = Revolution(1, np.array([0.1, -0.2]), np.linspace(0.1, 0.2, RADII))
@@ -60,7 +60,7 @@ def test_radii_lie_at_the_middles_of_layers_and_go_on_at_the_ends():
 
 
 def test_rows_of_a_table():
-    rows = table([None, ROUND], 3)
+    rows = revolution_rows([None, ROUND], 3)
     assert not rows[0].any() and not rows[2].any()
     np.testing.assert_allclose(rows[1], [2, *ROUND.center, *ROUND.radii], rtol=1e-6)
 

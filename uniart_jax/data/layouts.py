@@ -38,7 +38,7 @@ from uniart_jax.runtime.progress import track
 from uniart_jax.visual.render import Camera, render, sample_camera
 from uniart_jax.voxels.joint_code import encode_object
 from uniart_jax.voxels.part_table import MOST_BOARDS, MOST_LEGS, MOST_PANELS
-from uniart_jax.voxels.revolution_table import table
+from uniart_jax.voxels.revolution_table import revolution_rows
 
 BLOCK = 256  # objects a file
 STATES = 20  # shown states tried before an object is left out
@@ -170,7 +170,7 @@ def make_item(
         "part_counts": np.int32(len(boxes)),
         **_body_columns(closed, obj),
         **_board_columns(obj, settings.max_parts),
-        "revolutions": table(revolutions_of(obj), settings.max_parts),
+        "revolutions": revolution_rows(revolutions_of(obj), settings.max_parts),
     }
 
 

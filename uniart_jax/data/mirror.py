@@ -28,7 +28,8 @@ _CORNER_SIGNS = np.array([1, -1, 1, 1, -1, 1], np.float32)
 _LEG_ORDER = np.array([0, 3, 2, 1, 4, 7, 6, 5, 8, 9, 10, 11])
 _LEG_SIGNS = np.array([1, -1, 1, -1, 1, -1, 1, -1, 1, 1, 1, 1], np.float32)
 
-_ABOUT_X, _ABOUT_Z = np.array([-1, 1], np.float32), np.array([1, -1], np.float32)
+# of places on axes along x, y and z, coordinates of the other two in order
+_CENTER_SIGNS = np.array([[-1, 1], [1, 1], [1, -1]], np.float32)
 
 
 def mirror_boxes(boxes: np.ndarray) -> np.ndarray:
@@ -54,11 +55,23 @@ def mirror_corners(corners: np.ndarray) -> np.ndarray:
 
 
 def mirror_revolutions(rows: Any, xp: Any = np) -> Any:
-    """Mirrored rows [..., 11] of ``voxels.revolution_table.table``. ``xp``: array namespace."""
+    """Mirrored rows [..., 11] of ``voxels.revolution_table.revolution_rows``. ``xp``: array
+    namespace."""
     axis, center, radii = rows[..., :1], rows[..., 1:3], rows[..., 3:]
-    signs = xp.where(axis == 1, _ABOUT_X, xp.where(axis == 3, _ABOUT_Z, np.ones(2, np.float32)))
-    turned = xp.where(axis == 2, radii[..., ::-1], radii)
-    return xp.concatenate([axis, center * signs, turned], -1)
+    signs = np.concatenate([np.ones((1, 2), np.float32), _CENTER_SIGNS])
+    center = center * xp.asarray(signs)[axis[..., 0].astype(int)]
+    return xp.concatenate([axis, center, xp.where(axis == 2, radii[..., ::-1], radii)], -1)
+
+
+def mirror_centers(centers: np.ndarray) -> np.ndarray:
+    """Mirrored centres [..., 3, 2] of outlines about each axis."""
+    return centers * _CENTER_SIGNS
+
+
+def mirror_radii(radii: np.ndarray) -> np.ndarray:
+    """Mirrored radii [..., 3, N] of outlines about each axis: those along y in reverse order."""
+    along_y = np.arange(3)[:, None] == 1
+    return np.where(along_y, radii[..., ::-1], radii)
 
 
 def mirror_dense(grid: np.ndarray, first_axis: int = 0) -> np.ndarray:

@@ -19,10 +19,12 @@ from uniart_jax.data.cameras import mirror_camera_codes
 from uniart_jax.data.layouts import load_block, settings_of
 from uniart_jax.data.mirror import (
     mirror_boxes,
+    mirror_centers,
     mirror_codes,
     mirror_corners,
     mirror_images,
     mirror_legs,
+    mirror_radii,
 )
 from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.network import build
@@ -31,8 +33,6 @@ from uniart_jax.voxels.joint_code import align, box_corners
 
 APART = 0.15  # object units between the corners of rows that two looks have of one part
 DIFFERENT = 0.5  # between codes of rows that two looks have of one part
-# of centres about x, y and z, coordinates of the other two axes, in a mirror image
-_CENTER_SIGNS = np.array([[-1, 1], [1, 1], [1, -1]], np.float32)
 SURE = 0.3  # object units that a match is worth if both rows are sure
 
 
@@ -127,8 +127,8 @@ def mirror_parts(outputs: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         "leg_rows": mirror_legs,
         "panel_rows": mirror_corners,
         "board_rows": mirror_corners,
-        "round_centers": lambda centers: centers * _CENTER_SIGNS,
-        "round_radii": lambda radii: np.stack([radii[:, 0], radii[:, 1, ::-1], radii[:, 2]], 1),
+        "round_centers": mirror_centers,
+        "round_radii": mirror_radii,
     }
     sets = {name: turn(outputs[name]) for name, turn in mirrors.items() if name in outputs}
     return {

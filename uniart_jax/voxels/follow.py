@@ -201,11 +201,11 @@ def assemble_layout(
             outlines = {k: one for k, one in outlines_of.items() if k in left}
             for other in (*discs, *turning):
                 outlines.pop(other.part, None)
-            field, turned = with_revolutions(field, drawn, boxes, outlines)
+            field, rounded = with_revolutions(field, drawn, boxes, outlines)
             unfit.extend(
                 f"revolution of part {kept[rows[k]]} of the layout left out: voxels show another "
                 "shape"
-                for k in sorted(outlines.keys() - set(turned))
+                for k in sorted(outlines.keys() - set(rounded))
             )
         field = with_lost_parts(field, drawn)
         for k in boxed:

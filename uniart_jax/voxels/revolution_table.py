@@ -15,7 +15,7 @@ SMALLEST = 0.002  # object units, of a radius
 LIMIT = 1.0  # object units, of radii and of coordinates
 MOST_RADII = 256  # of JSON
 AXES = "xyz"
-ROW = 1 + 2 + RADII  # of ``table``
+ROW = 1 + 2 + RADII  # of ``revolution_rows``
 
 
 @dataclasses.dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Revolution:
         return np.interp(share, middles, self.radii)
 
 
-def table(revolutions: Sequence[Revolution | None], count: int) -> np.ndarray:
+def revolution_rows(revolutions: Sequence[Revolution | None], count: int) -> np.ndarray:
     """[count, ``ROW``] float32 of parts with ``RADII`` radii: 1 + axis, centre and radii; zero of
     what is not round, and beyond the parts."""
     rows = np.zeros((count, ROW), np.float32)

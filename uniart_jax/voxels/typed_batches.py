@@ -35,7 +35,7 @@ class LayoutBatch(NamedTuple):
         the legs explain.
       boards: the same of each part. board_counts: -1 where they are not known, as of the body and
         of what is narrow. board_share: of each.
-      revolutions: parts that are round about an axis (``voxels.revolution_table.table``).
+      revolutions: parts that are round about an axis (``voxels.revolution_table.revolution_rows``).
     """
 
     image: Annotated[Array, "B H W 3", "float"]

@@ -26,7 +26,7 @@ NARROW = 4.0  # sub-cells, least radius of such a solid
 WALL = 3.0  # sub-cells, that its wall is thick at least
 FULL = 0.5  # least share of the middle of an end that is solid where a part is closed there
 OUT = 1.15  # a box that reaches so many radii from the axis has something that stands out there
-ASIDE = 0.35  # of the largest radius, that it is off that direction at most
+ASIDE = 0.35  # half the width of the strip in which it may stand, over the largest radius
 NEAR = 2.0  # sub-cells from a surface within which its distance is written
 STEEPEST = 3.0  # radius over height, slope of an outline that distances allow for
 
@@ -52,12 +52,12 @@ def with_revolutions(
     for part, revolution in revolutions.items():
         every = (field.sdf, field.owner, drawn.sdf, drawn.owner)
         sdf, owner, *before = (np.moveaxis(values, revolution.axis, 0) for values in every)
-        if _turned(sdf, owner, before[0], before[1], part, boxes[part], revolution):
+        if _make_round(sdf, owner, before[0], before[1], part, boxes[part], revolution):
             built.append(part)
     return field, built
 
 
-def _turned(
+def _make_round(
     sdf: np.ndarray,
     owner: np.ndarray,
     drawn_sdf: np.ndarray,
