@@ -13,7 +13,7 @@ shown a few times only.
 
     layout      ``training.layout_loss``, on renders whose light is changed a little and on
                 photographs; a step with every batch, of which one in ``--box-sets-every`` has
-                legs, panels, boards and revolutions (about half of a step's time)
+                legs, panels and boards (about half of a step's time)
     structure   rectified flow of the structure latent, most of it at t = 1; besides, cross-entropy
                 and Dice of what the structure VAE decodes of its x_0, and of what the refiner makes
                 of that (in one step of ``--refine-every``: on a CPU it is most of a step's time).
@@ -130,7 +130,7 @@ def train(given: argparse.Namespace) -> None:
 
     from uniart_jax.models.checkpoint import Checkpoint
     from uniart_jax.models.checkpoint_files import write_config, write_network
-    from uniart_jax.models.layout import BESIDE_PARTS
+    from uniart_jax.models.layout import SETS
     from uniart_jax.models.network import build
     from uniart_jax.training.layout_loss import make_layout_loss
     from uniart_jax.training.mask_loss import make_mask_loss
@@ -187,7 +187,7 @@ def train(given: argparse.Namespace) -> None:
         optimizer, params = make_optimizer(stage), jax.device_put(begin[name])
         runs[name] = Run(params, optimizer.init(params), jax.tree.map(jnp.copy, params))
         for loss, due in due_steps(name, given).items():
-            idle = [n for n in BESIDE_PARTS if getattr(layout, n)] if loss == "parts" else []
+            idle = [n for n in SETS if getattr(layout, n)] if loss == "parts" else []
             still = frozen_mask(params, (*stage.freeze, *idle))
             step = make_update(losses[loss], optimizer, still)
             updates.append(Update(name, loss, step, due))

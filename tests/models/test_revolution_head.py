@@ -12,7 +12,7 @@ from flax import nnx
 from uniart_jax.config import Config, LayoutConfig, ModelConfig
 from uniart_jax.data.mirror import mirror_revolutions
 from uniart_jax.inference.layouts import LayoutPredictor
-from uniart_jax.models.layout import RevolutionHead
+from uniart_jax.models.layout import RevolutionHead, _proportions
 from uniart_jax.models.network import build
 from uniart_jax.stages.layout import LayoutStage
 from uniart_jax.voxels.revolution_table import RADII
@@ -45,7 +45,7 @@ def test_training_begins_with_cylinders_that_fill_their_boxes():
         np.testing.assert_allclose(out["radii"][1, 2, axis], [half] * RADII, rtol=1e-5)
 
 
-def test_it_comes_with_the_parts_leaves_them_as_they_are_and_trains_nothing_else(params):
+def test_it_comes_with_the_parts_leaves_them_as_they_are_and_trains_what_it_reads(params):
     bare = build("layout", ModelConfig(layout=dataclasses.replace(SMALL, revolutions=False)))
     rest = {name: value for name, value in params.items() if name != "revolutions"}
 
@@ -68,15 +68,26 @@ def test_it_comes_with_the_parts_leaves_them_as_they_are_and_trains_nothing_else
             without[name],
         )
     size = lambda tree: float(sum(np.abs(x).sum() for x in jax.tree.leaves(tree)))  # noqa: E731
-    assert size(gradient.pop("revolutions")) > 1 and size(gradient) == 0
+    assert size(gradient["revolutions"]) > 1 and size(gradient["layers"]) > 1
+    assert size(gradient["heads"]) == 0  # the boxes that outlines are told in stay as they are
 
 
-def test_it_is_idle_in_batches_without_revolutions():
+def test_it_is_trained_with_every_batch():
     bare = LayoutBatch(**dict.fromkeys(LayoutBatch._fields))
-    config = Config(model=MODEL)
-    assert LayoutStage().idle(config, bare) == ("revolutions",)
     held = bare._replace(revolutions=np.zeros((2, 5, 3 + RADII)))
-    assert LayoutStage().idle(config, held) == ()
+    assert LayoutStage().idle(Config(model=MODEL), held) == ()
+    out = jax.eval_shape(lambda p: NETWORK.apply(p, IMAGE, box_sets=False), parameters(NETWORK))
+    assert out["revolutions"]["axis"].shape == (2, 5, 4)
+
+
+def test_a_box_is_told_whatever_its_place_and_by_its_proportions():
+    lower = np.array([[0.1, -0.2, 0.3], [-0.5, 0.0, 0.0]])
+    near = _proportions(np.concatenate([lower, lower + [0.2, 0.2, 0.5]], -1))
+    np.testing.assert_allclose(near[0], near[1], atol=1e-6)
+    np.testing.assert_allclose(near[0, 3:6], np.log([0.4, 0.4, 1.0]), atol=1e-6)
+    np.testing.assert_allclose(near[0, 6:], [0.4**4, 0.4**4, 1.0], rtol=1e-5)
+    flat = _proportions(np.concatenate([lower, lower + [0.2, 0.0, 0.5]], -1))
+    assert np.isfinite(flat).all()
 
 
 def test_a_mirrored_picture_has_mirrored_outlines(params):

@@ -54,8 +54,8 @@ class DataConfig:
     layouts: str = "data-cache/layouts"  # blocks of pictures and part tables (``data.layouts``)
     reuse: int = 3  # of those: how often training shows each object
     first_block: int = 0  # of those: where training begins; later ones see what earlier did not
-    # layout network: one batch in so many has legs, panels, boards and revolutions, about half of a
-    # step's time; the others teach the parts alone
+    # layout network: one batch in so many has legs, panels and boards, about half of a step's time;
+    # the others teach the parts, and which of them are round, alone
     box_sets_every: int = 1
     # layout network: share of the pictures that are as if cut out of a photograph
     photographs: float = 0.0

@@ -4,8 +4,7 @@ They go through windows of ``WINDOW`` blocks, from ``DataConfig.first_block`` on
 object is shown ``DataConfig.reuse`` times, in random order, in one of its views, mirrored with
 probability 1/2 (``voxels.typed_batches.LayoutBatch``). A share ``DataConfig.photographs`` of the
 pictures are as they would be cut out of a photograph (``data.photographs``), others each time. One
-batch in ``DataConfig.box_sets_every`` has legs, panels, boards and revolutions; in the others they
-are None.
+batch in ``DataConfig.box_sets_every`` has legs, panels and boards; in the others they are None.
 """
 
 from __future__ import annotations

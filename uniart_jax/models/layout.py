@@ -40,9 +40,9 @@ TOKENS_SIDE = 16  # of the table of the tokens' places, resampled to the picture
 POINTER = 64  # width of the parent pointer's queries and keys
 GUESS = 64  # width of a query's offset from the sketch
 ACROSS = np.array([[1, 2], [0, 2], [0, 1]])  # the other two axes, of each
-HIDDEN_OF_REVOLUTIONS = 96
+HIDDEN_OF_REVOLUTIONS, PROPORTIONS = 96, 9
+LEAST_SIDE = 0.01  # object units, of a box whose proportions are told
 SETS = {"legs": MOST_LEGS, "panels": MOST_PANELS, "boards": MOST_BOARDS}  # and rows of a label
-BESIDE_PARTS = (*SETS, "revolutions")  # what a config may ask for beside the parts
 
 
 class Convolutions(nnx.Module):
@@ -126,10 +126,13 @@ class PartHeads(nnx.Module):
 
 class RevolutionHead(nnx.Module):
     """Which parts are round about an axis of the frame, where that axis is, and how far they reach
-    from it. A part is told in shares of its box: a cylinder that fills it is all zeros."""
+    from it. A part is told in shares of its box: a cylinder that fills it is all zeros.
+
+    It sees the box's proportions beside the query: what is round about an axis is as wide as it is
+    deep, which a query alone tells poorly (docs/negative_results.md)."""
 
     def __init__(self, width: int, hidden: int, rngs: nnx.Rngs, dtype):
-        self.hidden = linear(width, hidden, rngs, dtype=dtype)
+        self.hidden = linear(width + PROPORTIONS, hidden, rngs, dtype=dtype)
         self.axis = linear(hidden, 4, rngs, init=zeros, dtype=dtype)
         self.outline = linear(hidden, 3 * (2 + RADII), rngs, init=zeros, dtype=dtype)
 
@@ -137,7 +140,8 @@ class RevolutionHead(nnx.Module):
         """Queries [B, Q, D] and their parts' corners [B, Q, 6] -> axis [B, Q, 4] logits of none, x,
         y and z; for each axis centers [B, Q, 3, 2] and radii [B, Q, 3, N], object units
         (``voxels.revolution_table``)."""
-        h = jax.nn.gelu(self.hidden(y))
+        seen = jnp.concatenate([y, _proportions(corners).astype(y.dtype)], -1)
+        h = jax.nn.gelu(self.hidden(seen))
         told = self.outline(h).astype(jnp.float32).reshape(*y.shape[:2], 3, 2 + RADII)
         lower, upper = corners[..., :3][..., ACROSS], corners[..., 3:][..., ACROSS]
         half = (upper - lower).mean(-1, keepdims=True) / 2
@@ -146,6 +150,14 @@ class RevolutionHead(nnx.Module):
             "centers": (lower + upper) / 2 + half * told[..., :2],
             "radii": half * (1 + told[..., 2:]),
         }
+
+
+def _proportions(corners: jax.Array) -> jax.Array:
+    """Corners [..., 6] -> [..., 9]: the log of the sides, of their ratios (y to z, x to z, x to y),
+    and how nearly each pair is equal, 1 where it is."""
+    sides = jnp.log(jnp.maximum(corners[..., 3:] - corners[..., :3], LEAST_SIDE))
+    first, second = sides[..., ACROSS[:, 0]], sides[..., ACROSS[:, 1]]
+    return jnp.concatenate([sides, first - second, jnp.exp(-4 * jnp.abs(first - second))], -1)
 
 
 class LayoutNetwork(nnx.Module):
@@ -214,7 +226,7 @@ class LayoutNetwork(nnx.Module):
           camera: [B, 7] true camera codes that boxes are read with instead of the estimate, where
             ``use_true_camera`` [B].
           phase: [2] 0 or 1, which cells of the map are the tokens; None: the last of each four.
-          box_sets: whether legs, panels, boards and revolutions are found too.
+          box_sets: whether legs, panels and boards are found too.
 
         Returns:
           camera [B, 7]; parts: a list over the first guess and each run of a layer of
@@ -222,7 +234,7 @@ class LayoutNetwork(nnx.Module):
           [B, Q, 9], exists [B, Q] logits, colors [B, Q, 3] linear RGB; parents [B, Q, Q] logits
           child -> parent, the diagonal the root's, of the last layer; tokens [B, Q, D], one a part;
           map [B, S/4, S/4, C]; with ``box_sets`` legs, panels and boards (``models.box_sets``)
-          where the config has queries for them, and revolutions (``RevolutionHead``).
+          where the config has queries for them; revolutions (``RevolutionHead``) where it asks.
         """
         features, sketch = self.read_image(image)
         estimate = self.to_camera(sketch).astype(jnp.float32) + jnp.asarray(TYPICAL)
@@ -259,9 +271,8 @@ class LayoutNetwork(nnx.Module):
             asked = y, last["corners"], last["codes"]
             seen = Seen(features, tokens, tokens_place, sketch, y, place, *asked, body, used)
             out |= {name: getattr(self, name)(seen) for name in self.sets}
-        if self.config.revolutions and box_sets:
-            seen = jax.lax.stop_gradient((y, parts[-1]["corners"]))  # it trains nothing else
-            out["revolutions"] = self.revolutions(*seen)
+        if self.config.revolutions:
+            out["revolutions"] = self.revolutions(y, jax.lax.stop_gradient(parts[-1]["corners"]))
         return out
 
     @property

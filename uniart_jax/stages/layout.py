@@ -12,7 +12,7 @@ import numpy as np
 from uniart_jax.config import Config, ModelConfig
 from uniart_jax.data.layout_batches import layout_batches, validation_layouts
 from uniart_jax.inference.layouts import check_backbone, first_layout_weights
-from uniart_jax.models.layout import BESIDE_PARTS
+from uniart_jax.models.layout import SETS
 from uniart_jax.models.network import Network, build
 from uniart_jax.stages.pictures import IMAGE_BATCH, RECORDS
 from uniart_jax.stages.stage import Evaluation, Stage
@@ -42,7 +42,7 @@ class LayoutStage(Stage):
 
     def idle(self, config: Config, batch: LayoutBatch) -> tuple[str, ...]:
         layout = config.model.layout
-        names = tuple(n for n in BESIDE_PARTS if getattr(layout, n))
+        names = tuple(n for n in SETS if getattr(layout, n))
         return names if has_parts_alone(batch) else ()
 
     def first_weights(self, config: Config) -> dict[str, Any]:

@@ -94,8 +94,8 @@ def layout_losses(out: dict[str, Any], batch: LayoutBatch) -> dict[str, jax.Arra
 
 def make_layout_loss(network: Network, config: Config):
     """``loss_fn(params, batch, key)``: half of the boxes are read with the true camera, and the
-    tokens' phase is drawn. Where ``data.box_sets_every`` is above 1, legs, panels, boards and
-    revolutions are neither found nor paid for in batches without them."""
+    tokens' phase is drawn. Where ``data.box_sets_every`` is above 1, legs, panels and boards
+    are neither found nor paid for in batches without them."""
     may_lack = config.data.box_sets_every > 1
 
     def loss_fn(params, batch, key):

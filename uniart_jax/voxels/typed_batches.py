@@ -57,16 +57,17 @@ class LayoutBatch(NamedTuple):
     revolutions: Annotated[Array, "B K 11", "float"] = None
 
 
-BOX_SETS = tuple(LayoutBatch._field_defaults)  # fields of legs, panels, boards and revolutions
+# fields of legs, panels and boards
+BOX_SETS = tuple(name for name in LayoutBatch._field_defaults if name != "revolutions")
 
 
 def parts_of(batch: LayoutBatch) -> LayoutBatch:
-    """A batch without its legs, panels, boards and revolutions."""
+    """A batch without its legs, panels and boards."""
     return batch._replace(**dict.fromkeys(BOX_SETS))
 
 
 def has_parts_alone(batch: LayoutBatch) -> bool:
-    """Whether a batch has no legs, panels, boards and revolutions."""
+    """Whether a batch has no legs, panels and boards."""
     return all(getattr(batch, name) is None for name in BOX_SETS)
 
 
