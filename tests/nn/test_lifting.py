@@ -1,4 +1,5 @@
 import jax
+import jax.numpy as jnp
 import numpy as np
 import scipy.ndimage
 from copies import replaced
@@ -6,7 +7,7 @@ from copies import replaced
 from uniart_jax.data.cameras import camera_codes, mirror_camera_codes
 from uniart_jax.data.images import MARGIN
 from uniart_jax.nn import lifting
-from uniart_jax.nn.lifting import read_map
+from uniart_jax.nn.lifting import multiply_map
 from uniart_jax.visual.render import sample_camera
 
 SIZE = 64
@@ -69,12 +70,24 @@ def test_sample_map_interpolates_rows_and_columns():
             np.testing.assert_allclose(found[b, :, c], expected, atol=1e-5)
 
 
-def test_read_map_is_sample_map_by_other_means():
+def test_a_product_with_weights_is_sample_map_by_other_means():
+    """Its values and both gradients; what is beyond the border moves nothing."""
     rng = np.random.default_rng(4)
     features = rng.normal(size=(2, 6, 6, 3)).astype(np.float32)
     places = rng.uniform(-1.3, 1.3, (2, 40, 2)).astype(np.float32)
-    found = jax.jit(jax.vmap(read_map))(features, places)
-    np.testing.assert_allclose(found, sample_map(features, places), atol=1e-5)
+    tangent = rng.normal(size=(2, 40, 3)).astype(np.float32)
+
+    def both(function):
+        run = lambda *given: (jax.vjp(function, *given)[1](tangent), function(*given))  # noqa: E731
+        return jax.tree.leaves(jax.jit(run)(features, places))
+
+    for found, expected in zip(both(lifting.sample_map), both(multiply_map), strict=True):
+        np.testing.assert_allclose(found, expected, atol=2e-5)
+
+
+def test_half_precision_maps_are_read_in_half_precision():
+    features, places = jnp.ones((1, 4, 4, 2), jnp.bfloat16), jnp.zeros((1, 3, 2), jnp.float32)
+    assert jax.eval_shape(lifting.sample_map, features, places).dtype == jnp.bfloat16
 
 
 def test_hidden_depth_is_measured_from_the_foremost_valid_point_of_the_same_cell():

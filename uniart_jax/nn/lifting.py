@@ -31,9 +31,17 @@ def sample_map(features: jax.Array, places: jax.Array) -> jax.Array:
     """Bilinear samples [B, P, C] of a map [B, S, S, C] (row, column) at places [B, P, 2] (x, y) in
     [-1, 1]^2; the border's value beyond it.
 
-    As a product with interpolation weights [P, S^2]: the gradient of a gather is a scatter, which
-    is slow on CPU and TPU.
+    On CPUs by gathers, with scatters as their gradient (docs/benchmarks.md). Elsewhere as a product
+    with interpolation weights [P, S^2], since scatters are slow on TPUs and add in no fixed order
+    on GPUs.
     """
+    if jax.default_backend() == "cpu":
+        return jax.vmap(read_map)(features, places)
+    return multiply_map(features, places)
+
+
+def multiply_map(features: jax.Array, places: jax.Array) -> jax.Array:
+    """``sample_map`` as one product."""
     side = features.shape[1]
     index = jnp.clip((places + 1) * (side / 2) - 0.5, 0, side - 1)
     weights = jnp.maximum(1 - jnp.abs(index[..., None] - jnp.arange(side)), 0)  # [B, P, 2, S]
@@ -45,8 +53,7 @@ def sample_map(features: jax.Array, places: jax.Array) -> jax.Array:
 
 
 def read_map(features: jax.Array, places: jax.Array) -> jax.Array:
-    """``sample_map`` of one picture by gathers, for many places and a map of which no gradient is
-    asked: [S, S, C] at [P, 2] -> [P, C]."""
+    """``sample_map`` of one picture by gathers: [S, S, C] at [P, 2] -> [P, C]."""
     side = features.shape[0]
     index = jnp.clip((places + 1) * (side / 2) - 0.5, 0, side - 1)
     low = jnp.minimum(index.astype(jnp.int32), max(side - 2, 0))
@@ -55,7 +62,8 @@ def read_map(features: jax.Array, places: jax.Array) -> jax.Array:
     flat, total = features.reshape(side * side, -1), 0
     for column, across in ((low[:, 0], 1 - share[:, 0]), (high[:, 0], share[:, 0])):
         for row, down in ((low[:, 1], 1 - share[:, 1]), (high[:, 1], share[:, 1])):
-            total = total + flat[row * side + column] * (across * down)[:, None]
+            weight = (across * down).astype(features.dtype)
+            total = total + flat[row * side + column] * weight[:, None]
     return total
 
 
