@@ -1,10 +1,11 @@
 """Reading a map where boxes are seen: by gathers, as CPUs do it, beside a product with
-interpolation weights, in one run; and what it is of the layout network's gradient.
+interpolation weights, in one run; and the time of the layout network's whole gradient with either.
 
     taskset -c 0 python benchmarks/reading_maps.py [--batch 24] [--repeats 3]
 
-Places are those of nano's training: 15 in each of 16 boxes, in maps of 64 x 64 cells with 96
-channels; the network reads them in four runs of its layers. Its gradient is that of all weights.
+As many places as in nano's training, drawn at random: 15 in each of 16 boxes, in maps of 64 x 64
+cells with 96 channels; the network reads them in four runs of its layers. Its gradient is that of
+all weights. One core: a product may use several, a scatter uses one.
 """
 
 from __future__ import annotations
@@ -23,9 +24,9 @@ from uniart_jax.models import layout_layers
 from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.layout_layers import BOX_POINTS
 from uniart_jax.models.network import build
-from uniart_jax.nn.lifting import multiply_map, sample_map
+from uniart_jax.nn.lifting import multiply_map, read_map
 
-WAYS = {"gathers": sample_map, "product": multiply_map}
+WAYS = {"gathers": jax.vmap(read_map), "product": multiply_map}
 
 
 def main() -> None:
@@ -53,12 +54,12 @@ def main() -> None:
         return _compiled(jax.grad(lambda f: jnp.square(way(f, places)).mean()), features)
 
     def gradient_of_network(way: Callable) -> Callable[[], Any]:
-        def loss(params):
+        def loss(params, *given):
             layout_layers.sample_map = way  # while it is traced
-            out = network.apply(params, image, camera, always, box_sets=False)
+            out = network.apply(params, *given, box_sets=False)
             return sum(jnp.square(x.astype(jnp.float32)).mean() for x in jax.tree.leaves(out))
 
-        return _compiled(jax.grad(loss), params)
+        return _compiled(jax.grad(loss), params, image, camera, always)
 
     rows = []
     for what in (reading, gradient_of_reading, gradient_of_network):
@@ -69,9 +70,9 @@ def main() -> None:
     print(markdown(["", "gathers, ms", "product, ms", "ratio"], rows))
 
 
-def _compiled(function: Callable, given: Any) -> Callable[[], Any]:
+def _compiled(function: Callable, *given: Any) -> Callable[[], Any]:
     program = jax.jit(function)
-    return lambda: program(given)
+    return lambda: program(*given)
 
 
 if __name__ == "__main__":

@@ -521,4 +521,17 @@ MUTANTS = (
         "mask = frozen_mask(state.params, freeze)",
         "tests/training/test_state.py::test_momentum_does_not_move_what_a_batch_does_not_read[2.0]",
     ),
+    Mutant(
+        "uniart_jax/models/layout.py",
+        "_proportions(corners).astype(y.dtype)",
+        "0 * _proportions(corners).astype(y.dtype)",
+        "tests/models/test_revolution_head.py::test_it_sees_how_long_a_box_is",
+    ),
+    Mutant(
+        "uniart_jax/voxels/typed_batches.py",
+        'name for name in LayoutBatch._field_defaults if name != "revolutions"',
+        "name for name in LayoutBatch._field_defaults",
+        "tests/models/test_revolution_head.py"
+        "::test_it_is_trained_by_batches_without_legs_panels_and_boards",
+    ),
 )  # fmt: skip

@@ -96,7 +96,7 @@ def main() -> None:
     parser.add_argument("--flow-rate", type=float, default=8e-4, help="of the structure flow")
     parser.add_argument("--mask-rate", type=float, default=1.2e-3, help="of the mask network")
     parser.add_argument(
-        "--box-sets-every", type=int, default=1, help="steps for one with legs, panels, boards …"
+        "--box-sets-every", type=int, default=1, help="steps for one with legs, panels and boards"
     )
     parser.add_argument("--flow-every", type=int, default=2, help="steps for one of the flow")
     parser.add_argument(

@@ -9,14 +9,16 @@ import pytest
 from drawn import parameters
 from flax import nnx
 
-from uniart_jax.config import Config, LayoutConfig, ModelConfig
+from uniart_jax.config import Config, DataConfig, LayoutConfig, ModelConfig
 from uniart_jax.data.mirror import mirror_revolutions
 from uniart_jax.inference.layouts import LayoutPredictor
-from uniart_jax.models.layout import RevolutionHead, _proportions
+from uniart_jax.models.layout import SETS, RevolutionHead, _proportions
 from uniart_jax.models.network import build
 from uniart_jax.stages.layout import LayoutStage
+from uniart_jax.training.layout_loss import make_layout_loss
+from uniart_jax.voxels.part_table import MOST_BOARDS, MOST_LEGS, MOST_PANELS
 from uniart_jax.voxels.revolution_table import RADII
-from uniart_jax.voxels.typed_batches import LayoutBatch
+from uniart_jax.voxels.typed_batches import LayoutBatch, parts_of
 
 SMALL = LayoutConfig(
     queries=5, image_size=64, backbone="convolutions", map_channels=8, width=16, layers=1, heads=2,
@@ -69,15 +71,42 @@ def test_it_comes_with_the_parts_leaves_them_as_they_are_and_trains_what_it_read
         )
     size = lambda tree: float(sum(np.abs(x).sum() for x in jax.tree.leaves(tree)))  # noqa: E731
     assert size(gradient["revolutions"]) > 1 and size(gradient["layers"]) > 1
-    assert size(gradient["heads"]) == 0  # the boxes that outlines are told in stay as they are
+    assert size(gradient["heads"]) == 0  # none through the boxes that outlines are told in
 
 
-def test_it_is_trained_with_every_batch():
-    bare = LayoutBatch(**dict.fromkeys(LayoutBatch._fields))
-    held = bare._replace(revolutions=np.zeros((2, 5, 3 + RADII)))
-    assert LayoutStage().idle(Config(model=MODEL), held) == ()
-    out = jax.eval_shape(lambda p: NETWORK.apply(p, IMAGE, box_sets=False), parameters(NETWORK))
-    assert out["revolutions"]["axis"].shape == (2, 5, 4)
+def test_it_is_trained_by_batches_without_legs_panels_and_boards():
+    some = dataclasses.replace(SMALL, legs=MOST_LEGS, panels=MOST_PANELS, boards=MOST_BOARDS)
+    config = Config(model=ModelConfig(layout=some), data=DataConfig(box_sets_every=2))
+    network, rng = build("layout", config.model), np.random.default_rng(0)
+    batch = LayoutBatch(
+        image=IMAGE,
+        camera=rng.random((2, 7), np.float32),
+        boxes=rng.random((2, 4, 6), np.float32),
+        codes=rng.random((2, 4, 9), np.float32),
+        parents=np.zeros((2, 4), np.int32),
+        colors=rng.random((2, 4, 3), np.float32),
+        part_counts=np.array([2, 4], np.int32),
+        revolutions=np.concatenate([np.ones((2, 4, 1)), rng.random((2, 4, 10))], -1).astype(
+            np.float32
+        ),
+    )
+    assert parts_of(batch) == batch and LayoutStage().idle(config, batch) == tuple(SETS)
+    loss = jax.grad(make_layout_loss(network, config), has_aux=True)
+    moved, terms = jax.jit(loss)(parameters(network), batch, jax.random.key(0))
+    assert {"revolutions", "revolutions_outline"} < {*terms} and not {*SETS} & {*terms}
+    largest = {n: max(float(np.abs(x).max()) for x in jax.tree.leaves(g)) for n, g in moved.items()}
+    assert largest["revolutions"] > 0 and not any(largest[name] for name in SETS)
+
+
+def test_it_sees_how_long_a_box_is():
+    head = RevolutionHead(4, 6, nnx.Rngs(0), jnp.float32)
+    graph, state = nnx.split(head)
+    rng = np.random.default_rng(1)
+    state = jax.tree.map(lambda x: rng.normal(size=x.shape).astype(np.float32), state)
+    query = np.zeros((1, 2, 4), np.float32)
+    corners = np.array([[[0, 0, 0, 0.2, 0.2, 0.2], [0, 0, 0, 0.2, 0.2, 0.6]]], np.float32)
+    axis = np.asarray(nnx.merge(graph, state)(query, corners)["axis"])
+    assert np.abs(axis[0, 0] - axis[0, 1]).min() > 1e-2
 
 
 def test_a_box_is_told_whatever_its_place_and_by_its_proportions():

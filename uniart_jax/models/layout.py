@@ -41,7 +41,7 @@ POINTER = 64  # width of the parent pointer's queries and keys
 GUESS = 64  # width of a query's offset from the sketch
 ACROSS = np.array([[1, 2], [0, 2], [0, 1]])  # the other two axes, of each
 HIDDEN_OF_REVOLUTIONS, PROPORTIONS = 96, 9
-LEAST_SIDE = 0.01  # object units, of a box whose proportions are told
+SHORTEST = 0.01  # object units, of a box whose proportions are told
 SETS = {"legs": MOST_LEGS, "panels": MOST_PANELS, "boards": MOST_BOARDS}  # and rows of a label
 
 
@@ -155,7 +155,7 @@ class RevolutionHead(nnx.Module):
 def _proportions(corners: jax.Array) -> jax.Array:
     """Corners [..., 6] -> [..., 9]: the log of the sides, of their ratios (y to z, x to z, x to y),
     and how nearly each pair is equal, 1 where it is."""
-    sides = jnp.log(jnp.maximum(corners[..., 3:] - corners[..., :3], LEAST_SIDE))
+    sides = jnp.log(jnp.maximum(corners[..., 3:] - corners[..., :3], SHORTEST))
     first, second = sides[..., ACROSS[:, 0]], sides[..., ACROSS[:, 1]]
     return jnp.concatenate([sides, first - second, jnp.exp(-4 * jnp.abs(first - second))], -1)
 

@@ -86,8 +86,8 @@ def read_boxes(
     gather: bool = False,
 ) -> jax.Array:
     """[B, Q, 15 (C + 3)]: the map where the camera sees each box's points, after motions
-    [B, Q, 3, 4], and that place and depth; ``gather``: the fast way where no gradient of the map is
-    asked."""
+    [B, Q, 3, 4], and that place and depth; ``gather``: by gathers, as ``sample_map`` does on CPUs,
+    where no gradient of the map is asked."""
     lower, upper = corners[..., None, :3], corners[..., None, 3:]
     points = lower + (upper - lower) * BOX_POINTS  # [B, Q, 15, 3]
     if motions is not None:

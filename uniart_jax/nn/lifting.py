@@ -62,9 +62,8 @@ def read_map(features: jax.Array, places: jax.Array) -> jax.Array:
     flat, total = features.reshape(side * side, -1), 0
     for column, across in ((low[:, 0], 1 - share[:, 0]), (high[:, 0], share[:, 0])):
         for row, down in ((low[:, 1], 1 - share[:, 1]), (high[:, 1], share[:, 1])):
-            weight = (across * down).astype(features.dtype)
-            total = total + flat[row * side + column] * weight[:, None]
-    return total
+            total = total + flat[row * side + column] * (across * down)[:, None]
+    return total.astype(features.dtype)
 
 
 def hidden_depth(
