@@ -9,7 +9,7 @@ voxels (``synthetic.py``); nothing is run.
 
 * products: FLOP of the forward pass's matrix products counted in its jaxpr (loops multiplied out,
   ``training.flops``), times three. What remat computes again is not useful work and does not count;
-  it lies in the share. Reads of maps (``nn.lifting.sample_map``) are gathers on CPUs, so none.
+  it lies in the share. Reads of maps (``nn.lifting.sample_map``) count as gathers, with none.
 * share of peak: ``--share``, an assumption, unless ``--measured`` gives the file of
   ``accelerator_steps.py`` from a real device: the products a second of the same network (scan and
     remat as in the config) by the peak in that device's data sheet, as the machines' are.

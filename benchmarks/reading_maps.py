@@ -24,9 +24,9 @@ from uniart_jax.models import layout_layers
 from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.layout_layers import BOX_POINTS
 from uniart_jax.models.network import build
-from uniart_jax.nn.lifting import multiply_map, read_map
+from uniart_jax.nn.lifting import read_map, sample_map_dense
 
-WAYS = {"gathers": jax.vmap(read_map), "product": multiply_map}
+WAYS = {"gathers": jax.vmap(read_map), "product": sample_map_dense}
 
 
 def main() -> None:

@@ -7,7 +7,7 @@ from copies import replaced
 from uniart_jax.data.cameras import camera_codes, mirror_camera_codes
 from uniart_jax.data.images import MARGIN
 from uniart_jax.nn import lifting
-from uniart_jax.nn.lifting import multiply_map
+from uniart_jax.nn.lifting import sample_map_dense
 from uniart_jax.visual.render import sample_camera
 
 SIZE = 64
@@ -81,7 +81,7 @@ def test_a_product_with_weights_is_sample_map_by_other_means():
         run = lambda *given: (jax.vjp(function, *given)[1](tangent), function(*given))  # noqa: E731
         return jax.tree.leaves(jax.jit(run)(features, places))
 
-    for found, expected in zip(both(lifting.sample_map), both(multiply_map), strict=True):
+    for found, expected in zip(both(lifting.sample_map), both(sample_map_dense), strict=True):
         np.testing.assert_allclose(found, expected, atol=2e-5)
 
 

@@ -55,7 +55,7 @@ class DataConfig:
     reuse: int = 3  # of those: how often training shows each object
     first_block: int = 0  # of those: where training begins; later ones see what earlier did not
     # layout network: one batch in so many has legs, panels and boards, about half of a step's time;
-    # the others teach the parts, and which of them are round, alone
+    # the others have only parts, and which of these are round
     box_sets_every: int = 1
     # layout network: share of the pictures that are as if cut out of a photograph
     photographs: float = 0.0

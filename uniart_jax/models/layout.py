@@ -234,7 +234,8 @@ class LayoutNetwork(nnx.Module):
           [B, Q, 9], exists [B, Q] logits, colors [B, Q, 3] linear RGB; parents [B, Q, Q] logits
           child -> parent, the diagonal the root's, of the last layer; tokens [B, Q, D], one a part;
           map [B, S/4, S/4, C]; with ``box_sets`` legs, panels and boards (``models.box_sets``)
-          where the config has queries for them; revolutions (``RevolutionHead``) where it asks.
+          where the config has queries for them; with ``layout.revolutions`` the output of
+          ``RevolutionHead`` too.
         """
         features, sketch = self.read_image(image)
         estimate = self.to_camera(sketch).astype(jnp.float32) + jnp.asarray(TYPICAL)

@@ -37,11 +37,11 @@ def sample_map(features: jax.Array, places: jax.Array) -> jax.Array:
     """
     if jax.default_backend() == "cpu":
         return jax.vmap(read_map)(features, places)
-    return multiply_map(features, places)
+    return sample_map_dense(features, places)
 
 
-def multiply_map(features: jax.Array, places: jax.Array) -> jax.Array:
-    """``sample_map`` as one product."""
+def sample_map_dense(features: jax.Array, places: jax.Array) -> jax.Array:
+    """``sample_map`` as a product of the map with a dense matrix of weights."""
     side = features.shape[1]
     index = jnp.clip((places + 1) * (side / 2) - 0.5, 0, side - 1)
     weights = jnp.maximum(1 - jnp.abs(index[..., None] - jnp.arange(side)), 0)  # [B, P, 2, S]
