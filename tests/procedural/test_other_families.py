@@ -7,6 +7,7 @@ from collections import Counter
 
 import numpy as np
 import pytest
+from overlaps import check_clear, check_closed
 
 from uniart_jax import procedural
 from uniart_jax.procedural import (
@@ -115,6 +116,16 @@ def test_a_bay_lower_than_its_clearances_takes_a_front_alone():
     obj = generate("trolley", 1037)
     depths = [np.ptp(p.mesh.bounds[:, 0]) for p in obj.parts if p.name.startswith("drawer")]
     assert min(depths) < 0.15 and max(depths) > 0.7
+
+
+@pytest.mark.parametrize("family, seed", [("desk", 830604), ("assemblies", 830752)])
+def test_drawers_too_small_to_be_hollow_are_made(family, seed):
+    """A desk's drawer in a room lower than its clearances is a front alone; a block that is
+    thinner than its walls is solid."""
+    obj = generate(family, seed)
+    check_closed(obj, obj.name)
+    check_clear(obj, obj.name)
+    assert "prismatic" in {joint.type for joint in obj.joints}
 
 
 def test_caps_keep_their_turns():

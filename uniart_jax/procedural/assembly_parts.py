@@ -312,8 +312,8 @@ def drawer(rng, seat: Piece, parent, i: int, s: int, palette) -> Candidate | Non
         wall = 0.12 * min(size[j], size[k])
         a, b = lo + wall, hi - wall
         b[2] = hi[2] + 1
-        a[i] = lo[i] + wall if s < 0 else a[i]
-        solid -= box(a, b)
+        if (a < b).all():
+            solid -= box(a, b)
     solids = [(solid, finish)]
     if rng.random() < CUES:  # a knob or bar to pull
         reach = float(rng.uniform(0.03, 0.07))
