@@ -308,6 +308,12 @@ MUTANTS = (
         "test_a_pot_stays_hollow_and_open_and_its_wall_is_whole",
     ),
     Mutant(
+        "uniart_jax/voxels/cleanup/drawn_outline.py",
+        "+ 2 * (rays * beyond).mean(1)",
+        "+ 0 * (rays * beyond).mean(1)",
+        "tests/voxels/cleanup/test_drawn_outline.py::test_a_disc_that_lies_elsewhere_than_told",
+    ),
+    Mutant(
         "uniart_jax/data/mirror.py",
         "axis == 2, radii[..., ::-1], radii",
         "axis == 2, radii, radii",

@@ -31,6 +31,7 @@ def test_the_likeliest_axis_is_read_where_a_part_is_probably_round():
     assert found.axis == 1
     np.testing.assert_array_equal(found.center, 0.1)
     np.testing.assert_array_equal(found.radii, 0.2)
+    assert found.estimate
 
 
 def test_no_axis_alone_need_be_probable():
@@ -76,6 +77,13 @@ def test_json_round_trip_with_the_layout(layout_of_two):
     assert Layout.from_json(text.replace('"revolution"', '"else"')).revolutions == ()
 
 
+def test_json_tells_an_estimate_from_an_outline_to_follow():
+    assert "estimate" not in revolution_to_json(ROUND)
+    told = revolution_to_json(read_revolution(outputs(), 1))
+    assert revolution_from_json(told, "part 1").estimate
+    assert not revolution_from_json(told | {"estimate": False}, "part 1").estimate
+
+
 @pytest.fixture
 def layout_of_two():
     plain = {"angle": [0, 0], "travel": [0, 0]}
@@ -95,6 +103,7 @@ def layout_of_two():
         ({"radii": [0.1, 0]}, "radii must be 1 to 256 numbers"),
         ({"radii": [0.1] * 257}, "radii must be 1 to 256 numbers"),
         ({"radii": "0.1"}, "radii must be 1 to 256 numbers"),
+        ({"estimate": 1}, "estimate must be true or false"),
     ],
 )
 def test_bad_ones_are_refused_in_one_line(change, words):

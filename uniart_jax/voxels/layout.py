@@ -12,7 +12,9 @@ As JSON (``to_json``, ``from_json``), lengths in object units, angles in radians
                 "boards": null or as "panels", of the part,
                 "revolution": null or {"axis": "x", "y" or "z" that it is round about, "center": [2]
                     of that axis, coordinates of the other two in order, "radii": [N] at the middles
-                    of N equal layers of its box, from the lower end on}}],
+                    of N equal layers of its box, from the lower end on, "estimate": true where
+                    voxels may correct large radii and the middle; else, or left out, the outline
+                    is followed as it is}}],
      "legs": null or {"alone": bool, "rows": [{"lower": [x0, y0, x1, y1] of its lower end, "upper":
                 the same of its upper end, "heights": [2] of both, "fill": share of the rectangles
                 that it fills (1 a prism, .785 a cylinder), "plinth": bool}]},
@@ -29,7 +31,7 @@ kept where their share is high, boards not of a disc that turns about its middle
 revolution becomes that solid of revolution, where voxels show no other shape and it is not made of
 its box or its boards, or as a tray, a disc or a drum; a spout or a handle is kept where the part's
 box reaches beyond it. Whoever edits its box edits ``center`` and ``radii``
-too.
+too, and takes ``estimate`` away, which a network's outlines have.
 
 A part's ``type`` is for readers; it follows from the two spans (``objects.kinematics.Joint``) and
 is not read back. ``voxels.read_layout`` makes a layout of what a network says.

@@ -26,11 +26,13 @@ class Revolution:
       axis: 0 to 2, the axis of the object's frame that it is round about.
       center: [2] where the axis is, coordinates of the other two axes in order.
       radii: [N] at the middles of N equal layers of the part's box, from its lower end on.
+      estimate: a network's, which voxels may correct; else the outline is followed as it is.
     """
 
     axis: int
     center: np.ndarray
     radii: np.ndarray
+    estimate: bool = False
 
     def radius(self, share: np.ndarray) -> np.ndarray:
         """Radii at places along the axis, 0 at the lower end of the part's box and 1 at its
@@ -68,7 +70,8 @@ def read_revolution(
     if not (1 - share[0] > threshold and known):
         return None
     center = np.clip(np.asarray(center, np.float64), -LIMIT, LIMIT)
-    return Revolution(axis, center, np.clip(np.asarray(radii, np.float64), SMALLEST, LIMIT))
+    radii = np.clip(np.asarray(radii, np.float64), SMALLEST, LIMIT)
+    return Revolution(axis, center, radii, estimate=True)
 
 
 def revolution_to_json(revolution: Revolution) -> dict[str, Any]:
@@ -78,6 +81,7 @@ def revolution_to_json(revolution: Revolution) -> dict[str, Any]:
         "axis": AXES[revolution.axis],
         "center": plain(revolution.center),
         "radii": plain(revolution.radii),
+        **({"estimate": True} if revolution.estimate else {}),
     }
 
 
@@ -100,7 +104,9 @@ def revolution_from_json(data: Any, where: str) -> Revolution | None:
             f"{where}: revolution: radii must be 1 to {MOST_RADII} numbers in "
             f"{SMALLEST:g}..{LIMIT:g}"
         )
-    return Revolution(AXES.index(data["axis"]), center, radii)
+    if not isinstance(estimate := data.get("estimate", False), bool):
+        raise ValueError(f"{where}: revolution: estimate must be true or false")
+    return Revolution(AXES.index(data["axis"]), center, radii, estimate)
 
 
 def _numbers(values: Any, least: float) -> np.ndarray | None:

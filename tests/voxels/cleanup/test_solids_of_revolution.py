@@ -1,5 +1,7 @@
 """Parts that are round get the outlines that the layout has."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from fields import AT, N, assert_same, block, box_of, copy_of, field_of, place_of, solid_of
@@ -129,6 +131,28 @@ def test_feet_stay():
     solid = solid_of(turned(field, outline=revolution((9.0, *[16.0] * 3)))[0], 0)
     np.testing.assert_array_equal(solid[..., 14:19], solid_of(field, 0)[..., 14:19])
     assert not solid[..., 23:][RHO[..., 23:] > 16.5].any()
+
+
+def test_large_radii_and_the_middle_of_an_estimate_are_those_of_the_voxels():
+    near = field_of(np.maximum(RHO - 20, np.maximum(LOW - AT[2], AT[2] - HIGH)))
+    box = box_of((MIDDLE - 20, MIDDLE - 20, LOW), (MIDDLE + 20, MIDDLE + 20, HIGH))
+    wrong = Revolution(2, place_of([MIDDLE + 2, MIDDLE - 1]), np.array([17.0]) / N, True)
+    drawn = solid_of(near, 0)
+    as_drawn = solid_of(turned(near, box=box, outline=wrong)[0], 0)
+    assert (as_drawn != drawn).sum() < 0.02 * drawn.sum()
+    followed = solid_of(
+        turned(near, box=box, outline=dataclasses.replace(wrong, estimate=False))[0], 0
+    )
+    assert followed.sum() < 0.85 * drawn.sum()
+
+
+def test_small_radii_are_those_of_the_estimate():
+    """Voxels show a knob larger than it is."""
+    field = field_of(np.maximum(RHO - 6, np.maximum(LOW - AT[2], AT[2] - HIGH)))
+    box = box_of((MIDDLE - 6, MIDDLE - 6, LOW), (MIDDLE + 6, MIDDLE + 6, HIGH))
+    said = dataclasses.replace(revolution((5.0,)), estimate=True)
+    solid = solid_of(turned(field, box=box, outline=said)[0], 0)
+    assert solid.sum() == pytest.approx(np.pi * 5**2 * (HIGH - LOW), rel=0.08)
 
 
 def test_no_outline_goes_beyond_the_box():

@@ -6,7 +6,9 @@ reaches from it, layer by layer (``voxels.revolution_table``). So the part's out
 solid of revolution, with a whole wall of ``WALL`` sub-cells: openings in its side are closed. What
 is within that wall stays as it is drawn, and so do layers that are nothing like the solid, as those
 of feet, and a spout or a handle where the part's box reaches well beyond the outline, along an axis
-of the frame; what else stands out of it is taken away.
+of the frame; what else stands out of it is taken away. Where the layout's outline is an estimate,
+large radii and the middle are those of the voxels (``cleanup.drawn_outline``), which show them
+better.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from uniart_jax.voxels.cleanup.drawn_outline import drawn_outline
 from uniart_jax.voxels.isosurface import ZERO, DenseField
 from uniart_jax.voxels.revolution_table import Revolution
 
@@ -29,6 +32,7 @@ OUT = 1.15  # a box that reaches so many radii from the axis has something that 
 ASIDE = 0.35  # half the width of the strip in which it may stand, over the largest radius
 NEAR = 2.0  # sub-cells from a surface within which its distance is written
 STEEPEST = 3.0  # radius over height, slope of an outline that distances allow for
+DRAWN = (6.0, 14.0)  # sub-cells, radii from which on voxels count, and alone count
 
 
 def with_revolutions(
@@ -76,9 +80,15 @@ def _make_round(
     )
     middle = (revolution.center + 0.5) * size + 0.5
     depth = np.arange(len(sdf), dtype=np.float32)
-    reach = box[3 + across] / 2 * size
-    offset = (box[across] - revolution.center) * size
+    mine = (drawn_sdf < 0) & (drawn_owner == part)
     radius = revolution.radius((depth - low) / max(high - low, 1e-6)) * size
+    if revolution.estimate:
+        layers = (depth > low - 0.5) & (depth < high + 0.5)
+        middle, drawn = drawn_outline(mine & layers[:, None, None], middle)
+        share = np.clip((drawn - DRAWN[0]) / (DRAWN[1] - DRAWN[0]), 0, 1)
+        radius = np.where(np.isnan(drawn), radius, share * drawn + (1 - share) * radius)
+    reach = box[3 + across] / 2 * size
+    offset = (box[across] + 0.5) * size + 0.5 - middle
     radius = np.minimum(radius, (np.abs(offset) + reach).max() + 1)
     if radius.max() < NARROW or high - low < 1:
         return False
@@ -89,7 +99,6 @@ def _make_round(
     end = np.maximum(low - depth, depth - high)[:, None, None]
     outside = np.maximum(radial, end).astype(np.float32)
 
-    mine = (drawn_sdf < 0) & (drawn_owner == part)
     slack = SLACK * radius.max()
     if not mine.any() or (outside[mine] < slack).mean() < AGREE:
         return False
