@@ -68,7 +68,13 @@ def config() -> Config:
                 volume_channels=64,
             ),
             layout=LayoutConfig(
-                queries=16, image_size=256, repeats=2, legs=8, panels=24, boards=12
+                queries=16,
+                image_size=256,
+                repeats=2,
+                legs=8,
+                panels=24,
+                boards=12,
+                revolutions=True,
             ),
             mask=MaskConfig(channels=64),
             structure_vae=StructureVAEConfig(
