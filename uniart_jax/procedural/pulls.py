@@ -187,7 +187,7 @@ def add_drawer(
     if grips:  # the front may be hollow or bowed where they stand
         grip = shapes.tidy(union(grips))
         grip = shapes.rooted(grip, float(lo[0]), 0.7 * float(size[0]), shape.solid())
-    if wall > 0:  # a room that clearances fill has none: a front alone
+    if (b > a)[1:].all():  # else no room is left for a tray: a front alone
         shape.add(shapes.tray(a, b, wall, open_front=True), style.inside)
     if grip is not None and not style.own:
         shape.add(grip, style.hardware)

@@ -17,12 +17,19 @@ def layers(inside, first=4, last=16):
     return mine
 
 
-@pytest.mark.parametrize("start", [(0, 0), (2.0, -1.5), (-3.0, 3.0)])
+@pytest.mark.parametrize("start", [(0, 0), (2.0, -1.5), (-3.0, 3.0), (5.0, 4.0), (0, 8.0)])
 def test_a_disc_that_lies_elsewhere_than_told(start):
     middle, radii = drawn_outline(layers(AWAY < 17), MIDDLE + start)
     np.testing.assert_allclose(middle, MIDDLE, atol=0.35)
     np.testing.assert_allclose(radii[4:16], 17, atol=0.4)
     assert np.isnan(np.delete(radii, np.arange(4, 16))).all()
+
+
+def test_a_middle_that_is_told_far_off_stays():
+    """Beyond half a radius nothing says that the cells are those of the outline."""
+    told = MIDDLE + [14.0, 0]
+    middle, _ = drawn_outline(layers(AWAY < 17), told)
+    np.testing.assert_array_equal(middle, told)
 
 
 def test_layers_have_their_own_radii():

@@ -133,17 +133,42 @@ def test_feet_stay():
     assert not solid[..., 23:][RHO[..., 23:] > 16.5].any()
 
 
-def test_large_radii_and_the_middle_of_an_estimate_are_those_of_the_voxels():
-    near = field_of(np.maximum(RHO - 20, np.maximum(LOW - AT[2], AT[2] - HIGH)))
-    box = box_of((MIDDLE - 20, MIDDLE - 20, LOW), (MIDDLE + 20, MIDDLE + 20, HIGH))
-    wrong = Revolution(2, place_of([MIDDLE + 2, MIDDLE - 1]), np.array([17.0]) / N, True)
+def cylinder(radius):
+    """Distances from it and its box."""
+    solid = np.maximum(RHO - radius, np.maximum(LOW - AT[2], AT[2] - HIGH))
+    lower, upper = (MIDDLE - radius, MIDDLE - radius, LOW), (MIDDLE + radius, MIDDLE + radius, HIGH)
+    return solid, box_of(lower, upper)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_large_radii_and_the_middle_of_an_estimate_are_those_of_the_voxels(axis):
+    solid, box = cylinder(20)
+    near = about(field_of(solid), axis)
+    box = np.concatenate([np.insert(h[:2], axis, h[2]) for h in (box[:3], box[3:])])
+    center = place_of([MIDDLE + 2, MIDDLE - 1])
+    wrong = Revolution(axis, center, np.array([17.0]) / N, estimate=True)
     drawn = solid_of(near, 0)
     as_drawn = solid_of(turned(near, box=box, outline=wrong)[0], 0)
     assert (as_drawn != drawn).sum() < 0.02 * drawn.sum()
-    followed = solid_of(
-        turned(near, box=box, outline=dataclasses.replace(wrong, estimate=False))[0], 0
-    )
-    assert followed.sum() < 0.85 * drawn.sum()
+    exact = dataclasses.replace(wrong, estimate=False)
+    assert solid_of(turned(near, box=box, outline=exact)[0], 0).sum() < 0.85 * drawn.sum()
+
+
+def test_torn_layers_are_as_wide_as_those_beside_them():
+    solid, box = cylinder(20)
+    side = (AT[0] < MIDDLE + 3) | (RHO < 5)
+    torn = np.where((AT[2] > 24) & (AT[2] < 32) & ~side, 1.0, solid)
+    said = dataclasses.replace(revolution((14.0,)), estimate=True)
+    made = solid_of(turned(field_of(torn), box=box, outline=said)[0], 0)
+    wanted = (RHO < 19.3) & (RHO > 20 - WALL)
+    assert made[..., 25:31][wanted[..., 25:31]].mean() > 0.99
+
+
+def test_between_the_bounds_both_count():
+    solid, box = cylinder(10)
+    said = dataclasses.replace(revolution((8.0,)), estimate=True)
+    made = solid_of(turned(field_of(solid), box=box, outline=said)[0], 0).sum() / (HIGH - LOW)
+    assert 8.4 < np.sqrt(made / np.pi) < 9.6
 
 
 def test_small_radii_are_those_of_the_estimate():

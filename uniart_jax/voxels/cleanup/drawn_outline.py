@@ -8,8 +8,11 @@ from scipy.ndimage import median_filter
 SECTORS = 32  # about the axis
 WHOLE = 0.5  # least share of the sectors of a layer in which the part is
 CORNERLESS = 0.35  # quantile over the sectors: a square's is its half side, spouts do not count
+TORN = 0.4  # of how far a layer reaches in its farther sectors: those that reach less are torn
 ALONG = 5  # layers, of the median along the axis
-ROUNDS = 4  # of moving the axis to the middle
+ROUNDS = 12  # of moving the axis to the middle ...
+WARY = 8  # ... from which on sectors that reach much farther or less than others do not count
+FARTHEST = 0.5  # of the radius, that the middle is moved at most; else it stays where it was told
 EDGE = 0.3  # cells, from the middle of the outermost cell of a sector to where the part ends
 ASIDE = 0.25  # of the radius, beyond which a sector says nothing about where the middle is
 
@@ -24,30 +27,39 @@ def drawn_outline(mine: np.ndarray, middle: np.ndarray) -> tuple[np.ndarray, np.
     Returns:
       The middle [2] and radii [D], cells; NaN for layers that have too little of the part to tell.
     """
-    layer, *places = np.nonzero(mine)
+    inner = mine.copy()  # of each layer; only the cells around them can be the outermost ones
+    inner[:, 1:-1, 1:-1] &= mine[:, :-2, 1:-1] & mine[:, 2:, 1:-1] & mine[:, 1:-1, :-2]
+    inner[:, 1:-1, 1:-1] &= mine[:, 1:-1, 2:]
+    inner[:, [0, -1]] = inner[:, :, [0, -1]] = False
+    layer, *places = np.nonzero(mine & ~inner)
     angles = (np.arange(SECTORS) + 0.5) * 2 * np.pi / SECTORS - np.pi
     rays = np.stack([np.cos(angles), np.sin(angles)])
 
     def reaches(middle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         u, v = (place - m for place, m in zip(places, middle, strict=True))
         sector = ((np.arctan2(v, u) / np.pi + 1) / 2 * SECTORS).astype(int) % SECTORS
-        far = np.full((len(mine), SECTORS), -np.inf)
+        far = np.zeros((len(mine), SECTORS))
         np.maximum.at(far, (layer, sector), np.hypot(u, v) + EDGE)
-        far[np.isinf(far)] = np.nan
+        far[far < TORN * np.quantile(far, 0.8, axis=1, keepdims=True)] = np.nan
+        far[far == 0] = np.nan
         whole = np.isfinite(far).mean(1) > WHOLE
         return np.flatnonzero(whole), far[whole]
 
-    middle = np.asarray(middle, np.float64)
+    told = np.asarray(middle, np.float64)
+    middle = told
     for turn in range(ROUNDS):
         _, far = reaches(middle)
         if not len(far):
-            break
+            return told, np.full(len(mine), np.nan)
         radius = np.nanquantile(far, CORNERLESS, axis=1, keepdims=True)
         beyond = np.nan_to_num(np.clip(far - radius, -ASIDE * radius, ASIDE * radius))
         beyond = np.median(beyond, axis=0)
-        if turn:  # spouts and handles
+        if turn >= WARY:  # spouts and handles
             beyond[np.abs(beyond) > 0.8 * ASIDE * np.median(radius)] = 0
         middle = middle + 2 * (rays * beyond).mean(1)
+        if np.hypot(*(middle - told)) > FARTHEST * np.median(radius):
+            middle = told
+            break
     whole, far = reaches(middle)
     radii = np.full(len(mine), np.nan)
     if len(whole):

@@ -7,8 +7,8 @@ solid of revolution, with a whole wall of ``WALL`` sub-cells: openings in its si
 is within that wall stays as it is drawn, and so do layers that are nothing like the solid, as those
 of feet, and a spout or a handle where the part's box reaches well beyond the outline, along an axis
 of the frame; what else stands out of it is taken away. Where the layout's outline is an estimate,
-large radii and the middle are those of the voxels (``cleanup.drawn_outline``), which show them
-better.
+large radii and the middle of large parts are those of the voxels (``cleanup.drawn_outline``), which
+show them better.
 """
 
 from __future__ import annotations
@@ -84,9 +84,7 @@ def _make_round(
     radius = revolution.radius((depth - low) / max(high - low, 1e-6)) * size
     if revolution.estimate:
         layers = (depth > low - 0.5) & (depth < high + 0.5)
-        middle, drawn = drawn_outline(mine & layers[:, None, None], middle)
-        share = np.clip((drawn - DRAWN[0]) / (DRAWN[1] - DRAWN[0]), 0, 1)
-        radius = np.where(np.isnan(drawn), radius, share * drawn + (1 - share) * radius)
+        middle, radius = _corrected(mine & layers[:, None, None], middle, radius)
     reach = box[3 + across] / 2 * size
     offset = (box[across] + 0.5) * size + 0.5 - middle
     radius = np.minimum(radius, (np.abs(offset) + reach).max() + 1)
@@ -121,6 +119,21 @@ def _make_round(
     sdf[written & (np.abs(sdf) < ZERO)] = -ZERO
     owner[(written | stands) & (sdf < 0)] = part
     return True
+
+
+def _corrected(
+    mine: np.ndarray, middle: np.ndarray, radius: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """An estimated middle [2] and radii [D], cells, where the part's cells [D, U, V] show more
+    than ``DRAWN`` of them; torn layers are as far off the estimate as those beside them."""
+    found, drawn = drawn_outline(mine, middle)
+    known = np.flatnonzero(np.isfinite(drawn))
+    if not len(known):
+        return middle, radius
+    drawn = radius * np.interp(np.arange(len(radius)), known, (drawn / radius)[known])
+    share = np.clip((drawn - DRAWN[0]) / (DRAWN[1] - DRAWN[0]), 0, 1)
+    middle = middle + np.median(share[known]) * (found - middle)
+    return middle, share * drawn + (1 - share) * radius
 
 
 def _standing(
