@@ -11,7 +11,8 @@
     rooms            rooms behind doors and in drawers become boxes with flat walls
     round_doors      round doors are cut to discs
     drums            drums become shells behind a round hole
-    solids_of_revolution  parts that are round get the outlines that the layout has
+    solids_of_revolution  parts that are round get the outlines that the layout has, or voxels show
+                     (drawn_outline)
     loose_parts      specks are left out; a part that a pass took away whole is put back
     clearance        what stands in the way of a moving part is taken off
     loose_parts      parts that hang in the air are moved until they touch the others
