@@ -314,6 +314,24 @@ MUTANTS = (
         "tests/voxels/cleanup/test_drawn_outline.py::test_a_disc_that_lies_elsewhere_than_told",
     ),
     Mutant(
+        "uniart_jax/voxels/cleanup/solids_of_revolution.py",
+        "owner[layers[layer], *places] = keeps.part",
+        "owner[layers[layer], *places] = gives.part",
+        "tests/voxels/cleanup/test_solids_of_revolution.py::test_the_wall_where_two_parts_overlap_is_of_one_below_and_of_the_other_above",
+    ),
+    Mutant(
+        "uniart_jax/voxels/cleanup/solids_of_revolution.py",
+        "len(shared) > BESIDE * shorter",
+        "len(shared) > 9 * shorter",
+        "tests/voxels/cleanup/test_solids_of_revolution.py::test_a_narrow_part_or_one_within_another_is_made_in_all_its_layers",
+    ),
+    Mutant(
+        "uniart_jax/voxels/cleanup/solids_of_revolution.py",
+        "radii.max(0)) < ALIKE",
+        "radii.max(0)) < 0",
+        "tests/voxels/cleanup/test_solids_of_revolution.py::test_a_narrow_part_or_one_within_another_is_made_in_all_its_layers",
+    ),
+    Mutant(
         "uniart_jax/data/mirror.py",
         "axis == 2, radii[..., ::-1], radii",
         "axis == 2, radii, radii",

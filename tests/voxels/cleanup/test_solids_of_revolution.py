@@ -191,3 +191,56 @@ def test_it_is_left_out_where_voxels_show_another_shape(radii):
     after, built = turned(field, outline=revolution(radii))
     assert built == []
     assert_same(field, after)
+
+
+def jar(shared=(24, 36), radius=18.0):
+    """A body and a lid about one axis, their boxes, and the layer below which, of those that both
+    are in, most cells are the body's: .7 at random."""
+    rng = np.random.default_rng(0)
+    field = field_of(cylinder(radius)[0])
+    middle = np.mean(shared)
+    lid = AT[2] > middle
+    among = (AT[2] > shared[0]) & (AT[2] < shared[1])
+    lid = np.where(among & (rng.random(AT.shape[1:]) < 0.3), ~lid, lid)
+    field.owner[(field.owner == 0) & lid] = 1
+    across = (MIDDLE - radius, MIDDLE + radius)
+    ends = ((LOW, shared[1] + 0.5), (shared[0] - 0.5, HIGH))
+    boxes = [box_of((across[0],) * 2 + (e[0],), (across[1],) * 2 + (e[1],)) for e in ends]
+    return field, np.stack(boxes), int(middle)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_the_wall_where_two_parts_overlap_is_of_one_below_and_of_the_other_above(axis):
+    field, boxes, middle = jar()
+    field = about(field, axis)
+    boxes = np.concatenate(
+        [np.insert(b[:, :2], axis, b[:, 2], axis=1) for b in (boxes[:, :3], boxes[:, 3:])], 1
+    )
+    outlines = {k: revolution((18.0,), axis) for k in (0, 1)}
+    after, built = with_revolutions(field, field, boxes, outlines)
+    assert built == [0, 1]
+    wall = (RHO < 17.5) & (RHO > 18.5 - WALL)
+    layers = (AT[2] > LOW + 1) & (AT[2] < HIGH - 1)
+    for part, mine in ((0, AT[2] < middle - 1), (1, AT[2] > middle + 1)):
+        solid = np.moveaxis(solid_of(after, part), axis, 2)
+        assert solid[wall & layers & mine].all()
+        within = (RHO < 12) & layers  # as it is drawn
+        drawn = np.moveaxis(solid_of(field, part), axis, 2)
+        np.testing.assert_array_equal(solid[within], drawn[within])
+
+
+@pytest.mark.parametrize(
+    ("radius", "low", "high"),
+    [(6, HIGH - 6, HIGH + 5), (12, LOW + 4, HIGH - 4)],
+    ids=["a knob that reaches into a lid", "a tin within a jar"],
+)
+def test_a_narrow_part_or_one_within_another_is_made_in_all_its_layers(radius, low, high):
+    corners = ((MIDDLE - radius,) * 2 + (low,), (MIDDLE + radius,) * 2 + (high,))
+    one = block(*corners)
+    field = field_of(np.maximum(block(*CORNERS), -one), one)
+    boxes = np.stack([BOX, box_of(*corners)])
+    after, built = with_revolutions(
+        field, field, boxes, {0: revolution(), 1: revolution((radius,))}
+    )
+    assert built == [0, 1]
+    np.testing.assert_array_equal(solid_of(after, 1), solid_of(field, 1) & (radius > RHO))

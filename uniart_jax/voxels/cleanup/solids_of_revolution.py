@@ -8,12 +8,15 @@ is within that wall stays as it is drawn, and so do layers that are nothing like
 of feet, and a spout or a handle where the part's box reaches well beyond the outline, along an axis
 of the frame; what else stands out of it is taken away. Where the layout's outline is an estimate,
 large radii and the middle of large parts are those of the voxels (``cleanup.drawn_outline``), which
-show them better.
+show them better. Two such parts about one axis whose boxes overlap along it, as a jar and its lid,
+are both drawn there, in pieces: up to a layer the outer wall is the lower one's, from it on the
+upper one's.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Mapping
 
 import numpy as np
@@ -33,6 +36,41 @@ ASIDE = 0.35  # half the width of the strip in which it may stand, over the larg
 NEAR = 2.0  # sub-cells from a surface within which its distance is written
 STEEPEST = 3.0  # radius over height, slope of an outline that distances allow for
 DRAWN = (6.0, 14.0)  # sub-cells, radii from which on voxels count, and alone count
+COAXIAL = 0.25  # of the smaller radius, that axes of parts that share layers are apart at most ...
+ALIKE = 0.6  # ... the least ratio of their radii there ...
+BESIDE = 0.9  # ... and the most of the shorter one in them; beyond that one is within the other
+
+
+@dataclasses.dataclass
+class _Outline:
+    """Where a part is to end, cells; the first of three axes is its own.
+
+    Attributes:
+      low, high: its ends along the axis. middle: [2] where the axis is. radius: [D]. mine:
+        [D, U, V] bool, the part as it is drawn. layers: [D] bool, those in which its wall is made.
+    """
+
+    part: int
+    low: float
+    high: float
+    middle: np.ndarray
+    radius: np.ndarray
+    mine: np.ndarray
+    layers: np.ndarray
+
+    def away(self) -> np.ndarray:
+        """[U, V] distances from the axis."""
+        u, v = (np.arange(n) - m for n, m in zip(self.mine.shape[1:], self.middle, strict=True))
+        return np.hypot(u[:, None], v[None]).astype(np.float32)
+
+    def outside(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Distances from the solid, negative inside, [D, U, V]; those from its side [D, U, V] and
+        from its ends [D, 1, 1]."""
+        depth = np.arange(len(self.mine), dtype=np.float32)
+        slope = np.clip(np.gradient(self.radius), -STEEPEST, STEEPEST)
+        side = (self.away() - self.radius[:, None, None]) / np.hypot(1, slope)[:, None, None]
+        end = np.maximum(self.low - depth, depth - self.high)[:, None, None]
+        return np.maximum(side, end).astype(np.float32), side, end
 
 
 def with_revolutions(
@@ -48,66 +86,110 @@ def with_revolutions(
         of the first K parts, object units. revolutions: outlines of some of them.
 
     Returns:
-      A new field, in which solid cells of other parts are as they were, and the parts that it was
-      done for; not those of which voxels show another shape.
+      A new field, in which solid cells of other parts are as they were, but for outer walls of
+      layers that two round parts share; and the parts that it was done for, not those of which
+      voxels show another shape.
     """
     field = dataclasses.replace(field, sdf=field.sdf.copy(), owner=field.owner.copy())
-    built = []
+    turned = [
+        [np.moveaxis(values, axis, 0) for values in (field.sdf, field.owner, drawn.sdf)]
+        for axis in range(3)
+    ]
+    outlines = {}
     for part, revolution in revolutions.items():
-        every = (field.sdf, field.owner, drawn.sdf, drawn.owner)
-        sdf, owner, *before = (np.moveaxis(values, revolution.axis, 0) for values in every)
-        if _make_round(sdf, owner, before[0], before[1], part, boxes[part], revolution):
-            built.append(part)
-    return field, built
+        mine = (drawn.sdf < 0) & (drawn.owner == part)
+        outline = _outline(np.moveaxis(mine, revolution.axis, 0), part, boxes[part], revolution)
+        if outline is not None:
+            outlines[part] = outline
+    for one, other in itertools.combinations(outlines, 2):
+        axis = revolutions[one].axis
+        if axis == revolutions[other].axis:
+            _share_layers(turned[axis][1], outlines[one], outlines[other])
+    for part, outline in outlines.items():
+        axis = revolutions[part].axis
+        sdf, owner, drawn_sdf = turned[axis]
+        _make_round(sdf, owner, drawn_sdf, boxes[part], axis, outline)
+    return field, list(outlines)
+
+
+def _outline(
+    mine: np.ndarray, part: int, box: np.ndarray, revolution: Revolution
+) -> _Outline | None:
+    """That of a part with cells [D, U, V], D along its axis; None where they show another shape."""
+    size, axis = len(mine) - 2, revolution.axis
+    low, high = ((box[axis] + s * box[3 + axis] / 2 + 0.5) * size + 0.5 for s in (-1, 1))
+    middle = (revolution.center + 0.5) * size + 0.5
+    depth = np.arange(len(mine), dtype=np.float32)
+    radius = revolution.radius((depth - low) / max(high - low, 1e-6)) * size
+    if revolution.estimate:
+        layers = (depth > low - 0.5) & (depth < high + 0.5)
+        middle, radius = _corrected(mine & layers[:, None, None], middle, radius)
+    offset, reach = _sides(box, axis, size, middle)
+    radius = np.minimum(radius, (np.abs(offset) + reach).max() + 1)
+    if radius.max() < NARROW or high - low < 1:
+        return None
+    outline = _Outline(part, low, high, middle, radius, mine, np.ones(len(mine), bool))
+    near = outline.outside()[0][mine] < SLACK * radius.max()
+    return outline if len(near) and near.mean() >= AGREE else None
+
+
+def _sides(
+    box: np.ndarray, axis: int, size: int, middle: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """[2] the box's middle from the axis, and [2] half of its sides across it, cells."""
+    across = np.delete(np.arange(3), axis)
+    return (box[across] + 0.5) * size + 0.5 - middle, box[3 + across] / 2 * size
+
+
+def _share_layers(owner: np.ndarray, one: _Outline, other: _Outline) -> None:
+    """In place: the walls of two parts about one axis, cells [D, U, V], D along it. Of the layers
+    in which both are, the upper one gets those from that on which leaves the fewest cells of the
+    outer wall in the wrong layers; what is drawn within the wall stays."""
+    lower, upper = sorted((one, other), key=lambda outline: outline.low + outline.high)
+    depth = np.arange(len(owner))
+    shared = np.flatnonzero((depth > max(one.low, other.low)) & (depth < min(one.high, other.high)))
+    if not len(shared):
+        return
+    radii = np.stack([lower.radius, upper.radius])[:, shared]
+    shorter = min(one.high - one.low, other.high - other.low)
+    smaller = min(one.radius.max(), other.radius.max())
+    apart = np.hypot(*(one.middle - other.middle)) > COAXIAL * smaller
+    if apart or len(shared) > BESIDE * shorter or np.median(radii.min(0) / radii.max(0)) < ALIKE:
+        return
+    wall = upper.away() > radii.max(0)[:, None, None] - 2 * WALL
+    below, above = ((o.mine[shared] & wall).sum((1, 2)) for o in (lower, upper))
+    wrong = np.concatenate([[0], np.cumsum(above - below)])
+    split = int(wrong.argmin())
+    lower.layers[shared[split:]] = upper.layers[shared[:split]] = False
+    for keeps, gives, layers in ((lower, upper, shared[:split]), (upper, lower, shared[split:])):
+        outer = keeps.away() > keeps.radius[layers, None, None] - WALL
+        layer, *places = np.nonzero((owner[layers] == gives.part) & outer)
+        owner[layers[layer], *places] = keeps.part
 
 
 def _make_round(
     sdf: np.ndarray,
     owner: np.ndarray,
     drawn_sdf: np.ndarray,
-    drawn_owner: np.ndarray,
-    part: int,
     box: np.ndarray,
-    revolution: Revolution,
-) -> bool:
-    """In place: one part, in cells [D, U, V], D along its axis; False where voxels show another
-    shape."""
-    size = len(sdf) - 2
-    across = np.delete(np.arange(3), revolution.axis)
-    low, high = (
-        (box[revolution.axis] + s * box[3 + revolution.axis] / 2 + 0.5) * size + 0.5
-        for s in (-1, 1)
-    )
-    middle = (revolution.center + 0.5) * size + 0.5
+    axis: int,
+    outline: _Outline,
+) -> None:
+    """In place: one part, in cells [D, U, V], D along its axis."""
+    part, radius, mine, away = outline.part, outline.radius, outline.mine, outline.away()
+    outside, radial, end = outline.outside()
     depth = np.arange(len(sdf), dtype=np.float32)
-    mine = (drawn_sdf < 0) & (drawn_owner == part)
-    radius = revolution.radius((depth - low) / max(high - low, 1e-6)) * size
-    if revolution.estimate:
-        layers = (depth > low - 0.5) & (depth < high + 0.5)
-        middle, radius = _corrected(mine & layers[:, None, None], middle, radius)
-    reach = box[3 + across] / 2 * size
-    offset = (box[across] + 0.5) * size + 0.5 - middle
-    radius = np.minimum(radius, (np.abs(offset) + reach).max() + 1)
-    if radius.max() < NARROW or high - low < 1:
-        return False
-    slope = np.clip(np.gradient(radius), -STEEPEST, STEEPEST)
-    u, v = (np.arange(n) - m for n, m in zip(sdf.shape[1:], middle, strict=True))
-    away = np.hypot(u[:, None], v[None]).astype(np.float32)
-    radial = (away[None] - radius[:, None, None]) / np.hypot(1, slope)[:, None, None]
-    end = np.maximum(low - depth, depth - high)[:, None, None]
-    outside = np.maximum(radial, end).astype(np.float32)
-
+    offset, reach = _sides(box, axis, len(sdf) - 2, outline.middle)
+    u, v = (np.arange(n) - m for n, m in zip(sdf.shape[1:], outline.middle, strict=True))
     slack = SLACK * radius.max()
-    if not mine.any() or (outside[mine] < slack).mean() < AGREE:
-        return False
     like_it = (mine & (radial < slack)).sum((1, 2)) >= LIKE * mine.sum((1, 2))
-    ours = ((owner == part) | (sdf > 0)) & like_it[:, None, None]
+    ours = ((owner == part) | (sdf > 0)) & (like_it & outline.layers)[:, None, None]
     ours[[0, -1]] = ours[:, [0, -1]] = ours[:, :, [0, -1]] = False  # the layer of outside
     stands = ours & mine & (radial > 0) & (end < 0) & _standing(u, v, offset, reach, radius)
     near_it = (outside < 0) | (owner == part) | (owner < 0)  # distances of others stay
     within = (radial < -WALL) & (end < -WALL)
     written = ours & near_it & (outside < NEAR) & ~within
-    for closing in (depth < low + WALL, depth > high - WALL):
+    for closing in (depth < outline.low + WALL, depth > outline.high - WALL):
         cap = closing[:, None, None] & (radial < -WALL) & (end < 0)
         middle_of_it = cap & (away < radius[:, None, None] / 2)
         if middle_of_it.any() and mine[middle_of_it].mean() < FULL:  # it is open there
@@ -118,7 +200,6 @@ def _make_round(
     sdf[stands] = np.minimum(drawn_sdf[stands], sdf[stands])
     sdf[written & (np.abs(sdf) < ZERO)] = -ZERO
     owner[(written | stands) & (sdf < 0)] = part
-    return True
 
 
 def _corrected(
