@@ -193,54 +193,92 @@ def test_it_is_left_out_where_voxels_show_another_shape(radii):
     assert_same(field, after)
 
 
-def jar(shared=(24, 36), radius=18.0):
-    """A body and a lid about one axis, their boxes, and the layer below which, of those that both
-    are in, most cells are the body's: .7 at random."""
+SHARED = (24, 36)  # layers of body and lid
+SEAM = 30
+
+
+def jar(torn=0.0, radius=18.0):
+    """A body and a lid about one axis, and their boxes. Of the layers that both are in, most cells
+    below ``SEAM`` are the body's, and most above it the lid's: .7 at random. ``torn``: the share of
+    their cells that is missing."""
     rng = np.random.default_rng(0)
-    field = field_of(cylinder(radius)[0])
-    middle = np.mean(shared)
-    lid = AT[2] > middle
-    among = (AT[2] > shared[0]) & (AT[2] < shared[1])
-    lid = np.where(among & (rng.random(AT.shape[1:]) < 0.3), ~lid, lid)
+    among = (AT[2] > SHARED[0]) & (AT[2] < SHARED[1])
+    field = field_of(np.where(among & (rng.random(AT.shape[1:]) < torn), 1, cylinder(radius)[0]))
+    lid = np.where(among & (rng.random(AT.shape[1:]) < 0.3), AT[2] <= SEAM, AT[2] > SEAM)
     field.owner[(field.owner == 0) & lid] = 1
     across = (MIDDLE - radius, MIDDLE + radius)
-    ends = ((LOW, shared[1] + 0.5), (shared[0] - 0.5, HIGH))
+    ends = ((LOW, SHARED[1] + 0.5), (SHARED[0] - 0.5, HIGH))
     boxes = [box_of((across[0],) * 2 + (e[0],), (across[1],) * 2 + (e[1],)) for e in ends]
-    return field, np.stack(boxes), int(middle)
+    return field, np.stack(boxes)
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
-def test_the_wall_where_two_parts_overlap_is_of_one_below_and_of_the_other_above(axis):
-    field, boxes, middle = jar()
+@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
+def test_the_wall_where_two_parts_overlap_is_of_one_below_and_of_the_other_above(axis, order):
+    field, boxes = jar(torn=0.2)
     field = about(field, axis)
     boxes = np.concatenate(
         [np.insert(b[:, :2], axis, b[:, 2], axis=1) for b in (boxes[:, :3], boxes[:, 3:])], 1
     )
-    outlines = {k: revolution((18.0,), axis) for k in (0, 1)}
+    outlines = {k: revolution((18.0,), axis) for k in order}
     after, built = with_revolutions(field, field, boxes, outlines)
-    assert built == [0, 1]
-    wall = (RHO < 17.5) & (RHO > 18.5 - WALL)
-    layers = (AT[2] > LOW + 1) & (AT[2] < HIGH - 1)
-    for part, mine in ((0, AT[2] < middle - 1), (1, AT[2] > middle + 1)):
-        solid = np.moveaxis(solid_of(after, part), axis, 2)
-        assert solid[wall & layers & mine].all()
-        within = (RHO < 12) & layers  # as it is drawn
-        drawn = np.moveaxis(solid_of(field, part), axis, 2)
+    assert sorted(built) == [0, 1]
+    wall = (RHO < 17.5) & (RHO > 18.5 - WALL) & (AT[2] > LOW + 1) & (AT[2] < HIGH - 1)
+    for part, mine in ((0, AT[2] <= SEAM), (1, AT[2] > SEAM)):
+        solid, drawn = (np.moveaxis(solid_of(f, part), axis, 2) for f in (after, field))
+        assert solid[wall & mine].all()
+        within = (RHO < 12) & (AT[2] > LOW + 4) & (AT[2] < HIGH - 4)
         np.testing.assert_array_equal(solid[within], drawn[within])
+
+
+@pytest.mark.parametrize(("part", "low"), [(0, SEAM + 1), (1, SEAM - 6)], ids=["body", "lid"])
+def test_a_handle_stays_where_the_wall_is_the_other_part_s(part, low):
+    field, boxes = jar()
+    handle = block((MIDDLE + 10, MIDDLE - 2, low), (MIDDLE + 28, MIDDLE + 2, low + 5)) < 0
+    handle &= RHO > 18
+    field.sdf[handle], field.owner[handle] = -1, part
+    boxes[part, 0] += 5 / N
+    boxes[part, 3] += 10 / N
+    after, _ = with_revolutions(field, field, boxes, {k: revolution((18.0,)) for k in (0, 1)})
+    assert handle.sum() > 100
+    assert solid_of(after, part)[handle].all()
+
+
+def assert_whole(one, other, corners, middles=(MIDDLE, MIDDLE), radii=(16.0, 16.0), parts=(0, 1)):
+    """Torn, ``parts`` of two blocks become solids of revolution with whole walls."""
+    torn = np.random.default_rng(0).random(AT.shape[1:]) < 0.1
+    field = field_of(*(np.where(torn, np.maximum(solid, 0.5), solid) for solid in (one, other)))
+    outlines = {
+        k: Revolution(2, place_of([x, MIDDLE]), np.array([radius]) / N)
+        for k, (x, radius) in enumerate(zip(middles, radii, strict=True))
+    }
+    after, built = with_revolutions(field, field, np.stack([box_of(*c) for c in corners]), outlines)
+    assert built == [0, 1]
+    for part in parts:
+        away = np.hypot(AT[0] - middles[part], AT[1] - MIDDLE)
+        low, high = (corner[2] for corner in corners[part])
+        radius, solid = radii[part], solid_of(after, part)
+        wall = (away < radius - 0.5) & (away > radius + 0.5 - WALL)
+        assert solid[wall & (AT[2] > low + 0.5) & (AT[2] < high - 0.5)].all()
+        assert not solid[away > radius + 0.5].any()
 
 
 @pytest.mark.parametrize(
     ("radius", "low", "high"),
-    [(6, HIGH - 6, HIGH + 5), (12, LOW + 4, HIGH - 4)],
-    ids=["a knob that reaches into a lid", "a tin within a jar"],
+    [(6, HIGH - 6, HIGH + 5), (9, HIGH - 8, HIGH + 9), (12, LOW + 4, HIGH - 4), (12, 24.7, 29.5)],
+    ids=["a knob that reaches into a lid", "a plug", "a tin within a jar", "a ring within a jar"],
 )
 def test_a_narrow_part_or_one_within_another_is_made_in_all_its_layers(radius, low, high):
     corners = ((MIDDLE - radius,) * 2 + (low,), (MIDDLE + radius,) * 2 + (high,))
-    one = block(*corners)
-    field = field_of(np.maximum(block(*CORNERS), -one), one)
-    boxes = np.stack([BOX, box_of(*corners)])
-    after, built = with_revolutions(
-        field, field, boxes, {0: revolution(), 1: revolution((radius,))}
-    )
-    assert built == [0, 1]
-    np.testing.assert_array_equal(solid_of(after, 1), solid_of(field, 1) & (radius > RHO))
+    inner = block(*corners)
+    outer = np.maximum(block(*CORNERS), -inner)
+    assert_whole(outer, inner, (CORNERS, corners), radii=(16.0, radius), parts=(1,))
+
+
+def test_parts_beside_each_other_are_made_in_all_their_layers():
+    """Two square pots, one somewhat higher than the other."""
+    corners = [
+        ((x - 8, MIDDLE - 8, low), (x + 8, MIDDLE + 8, low + 20))
+        for x, low in ((20.3, LOW), (44.3, LOW + 8))
+    ]
+    assert_whole(*(block(*c) for c in corners), corners, (20.3, 44.3), (8.0, 8.0))

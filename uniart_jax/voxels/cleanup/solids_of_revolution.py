@@ -36,9 +36,9 @@ ASIDE = 0.35  # half the width of the strip in which it may stand, over the larg
 NEAR = 2.0  # sub-cells from a surface within which its distance is written
 STEEPEST = 3.0  # radius over height, slope of an outline that distances allow for
 DRAWN = (6.0, 14.0)  # sub-cells, radii from which on voxels count, and alone count
-COAXIAL = 0.25  # of the smaller radius, that axes of parts that share layers are apart at most ...
-ALIKE = 0.6  # ... the least ratio of their radii there ...
-BESIDE = 0.9  # ... and the most of the shorter one in them; beyond that one is within the other
+COAXIAL = 0.25  # of the smaller radius, that axes of parts that share layers are apart at most
+TOUCH = 6.0  # sub-cells, that radii of such parts differ there at most
+BESIDE = 0.9  # largest share of the shorter one's height that they overlap: else one is inside
 
 
 @dataclasses.dataclass
@@ -46,8 +46,14 @@ class _Outline:
     """Where a part is to end, cells; the first of three axes is its own.
 
     Attributes:
-      low, high: its ends along the axis. middle: [2] where the axis is. radius: [D]. mine:
-        [D, U, V] bool, the part as it is drawn. layers: [D] bool, those in which its wall is made.
+      part: its row.
+      low, high: its ends along the axis.
+      middle: [2] where the axis is.
+      radius: [D].
+      mine: [D, U, V] bool, the part as it is drawn.
+      strips: [U, V] bool, where something may stand out of it.
+      like_it: [D] bool, layers that are drawn somewhat like the outline.
+      layers: [D] bool, layers in which its wall is made; ``_share_layers`` takes some away.
     """
 
     part: int
@@ -56,6 +62,8 @@ class _Outline:
     middle: np.ndarray
     radius: np.ndarray
     mine: np.ndarray
+    strips: np.ndarray
+    like_it: np.ndarray
     layers: np.ndarray
 
     def away(self) -> np.ndarray:
@@ -91,7 +99,7 @@ def with_revolutions(
       voxels show another shape.
     """
     field = dataclasses.replace(field, sdf=field.sdf.copy(), owner=field.owner.copy())
-    turned = [
+    turned = [  # views: what is written into them is written into the field
         [np.moveaxis(values, axis, 0) for values in (field.sdf, field.owner, drawn.sdf)]
         for axis in range(3)
     ]
@@ -101,14 +109,14 @@ def with_revolutions(
         outline = _outline(np.moveaxis(mine, revolution.axis, 0), part, boxes[part], revolution)
         if outline is not None:
             outlines[part] = outline
-    for one, other in itertools.combinations(outlines, 2):
-        axis = revolutions[one].axis
-        if axis == revolutions[other].axis:
-            _share_layers(turned[axis][1], outlines[one], outlines[other])
+    upwards = sorted(outlines.values(), key=lambda outline: outline.low + outline.high)
+    for lower, upper in itertools.combinations(upwards, 2):
+        axis = revolutions[lower.part].axis
+        if axis == revolutions[upper.part].axis:
+            _share_layers(turned[axis][1], lower, upper)
     for part, outline in outlines.items():
-        axis = revolutions[part].axis
-        sdf, owner, drawn_sdf = turned[axis]
-        _make_round(sdf, owner, drawn_sdf, boxes[part], axis, outline)
+        sdf, owner, drawn_sdf = turned[revolutions[part].axis]
+        _make_round(sdf, owner, drawn_sdf, outline)
     return field, list(outlines)
 
 
@@ -124,71 +132,72 @@ def _outline(
     if revolution.estimate:
         layers = (depth > low - 0.5) & (depth < high + 0.5)
         middle, radius = _corrected(mine & layers[:, None, None], middle, radius)
-    offset, reach = _sides(box, axis, size, middle)
+    across = np.delete(np.arange(3), axis)
+    reach = box[3 + across] / 2 * size
+    offset = (box[across] + 0.5) * size + 0.5 - middle
     radius = np.minimum(radius, (np.abs(offset) + reach).max() + 1)
     if radius.max() < NARROW or high - low < 1:
         return None
-    outline = _Outline(part, low, high, middle, radius, mine, np.ones(len(mine), bool))
-    near = outline.outside()[0][mine] < SLACK * radius.max()
-    return outline if len(near) and near.mean() >= AGREE else None
+    u, v = (np.arange(n) - m for n, m in zip(mine.shape[1:], middle, strict=True))
+    strips = _standing(u, v, offset, reach, radius)
+    every = np.ones(len(mine), bool)
+    outline = _Outline(part, low, high, middle, radius, mine, strips, every, every.copy())
+    outside, side, _ = outline.outside()
+    slack = SLACK * radius.max()
+    if not mine.any() or (outside[mine] < slack).mean() < AGREE:
+        return None
+    outline.like_it = (mine & (side < slack)).sum((1, 2)) >= LIKE * mine.sum((1, 2))
+    return outline
 
 
-def _sides(
-    box: np.ndarray, axis: int, size: int, middle: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """[2] the box's middle from the axis, and [2] half of its sides across it, cells."""
-    across = np.delete(np.arange(3), axis)
-    return (box[across] + 0.5) * size + 0.5 - middle, box[3 + across] / 2 * size
+def _share_layers(owner: np.ndarray, lower: _Outline, upper: _Outline) -> None:
+    """In place: the owners of cells [D, U, V] in the walls of two parts about one axis, D along it.
 
-
-def _share_layers(owner: np.ndarray, one: _Outline, other: _Outline) -> None:
-    """In place: the walls of two parts about one axis, cells [D, U, V], D along it. Of the layers
-    in which both are, the upper one gets those from that on which leaves the fewest cells of the
-    outer wall in the wrong layers; what is drawn within the wall stays."""
-    lower, upper = sorted((one, other), key=lambda outline: outline.low + outline.high)
+    Of the layers in which both are, the lower part has the outer wall up to a split, the upper one
+    from it on: there the fewest cells of the wall are drawn on the wrong side. What is within the
+    wall stays. Nothing is shared where axes are apart, radii differ, or one is inside the other.
+    """
+    parts = (lower, upper)
     depth = np.arange(len(owner))
-    shared = np.flatnonzero((depth > max(one.low, other.low)) & (depth < min(one.high, other.high)))
-    if not len(shared):
+    first, last = max(o.low for o in parts), min(o.high for o in parts)
+    shared = np.flatnonzero((depth > first) & (depth < last))
+    apart = np.hypot(*(lower.middle - upper.middle))
+    radii = np.stack([o.radius[shared] for o in parts])
+    if (
+        not len(shared)
+        or last - first > BESIDE * min(o.high - o.low for o in parts)
+        or apart > COAXIAL * min(o.radius.max() for o in parts)
+        or np.median(np.ptp(radii, axis=0)) > TOUCH
+    ):
         return
-    radii = np.stack([lower.radius, upper.radius])[:, shared]
-    shorter = min(one.high - one.low, other.high - other.low)
-    smaller = min(one.radius.max(), other.radius.max())
-    apart = np.hypot(*(one.middle - other.middle)) > COAXIAL * smaller
-    if apart or len(shared) > BESIDE * shorter or np.median(radii.min(0) / radii.max(0)) < ALIKE:
-        return
-    wall = upper.away() > radii.max(0)[:, None, None] - 2 * WALL
-    below, above = ((o.mine[shared] & wall).sum((1, 2)) for o in (lower, upper))
+    larger = radii.max(0)[:, None, None]
+    below, above = ((o.mine[shared] & (o.away() > larger - TOUCH)).sum((1, 2)) for o in parts)
     wrong = np.concatenate([[0], np.cumsum(above - below)])
     split = int(wrong.argmin())
     lower.layers[shared[split:]] = upper.layers[shared[:split]] = False
     for keeps, gives, layers in ((lower, upper, shared[:split]), (upper, lower, shared[split:])):
-        outer = keeps.away() > keeps.radius[layers, None, None] - WALL
-        layer, *places = np.nonzero((owner[layers] == gives.part) & outer)
+        layers = layers[keeps.like_it[layers]]
+        away, end = keeps.away(), keeps.radius[layers, None, None]
+        reach = np.maximum(end, gives.radius[layers, None, None]) + NEAR
+        wall = (away > end - WALL) & (away < reach) & ~(gives.strips & (away > end))
+        layer, *places = np.nonzero((owner[layers] == gives.part) & wall)
         owner[layers[layer], *places] = keeps.part
 
 
 def _make_round(
-    sdf: np.ndarray,
-    owner: np.ndarray,
-    drawn_sdf: np.ndarray,
-    box: np.ndarray,
-    axis: int,
-    outline: _Outline,
+    sdf: np.ndarray, owner: np.ndarray, drawn_sdf: np.ndarray, outline: _Outline
 ) -> None:
     """In place: one part, in cells [D, U, V], D along its axis."""
     part, radius, mine, away = outline.part, outline.radius, outline.mine, outline.away()
     outside, radial, end = outline.outside()
     depth = np.arange(len(sdf), dtype=np.float32)
-    offset, reach = _sides(box, axis, len(sdf) - 2, outline.middle)
-    u, v = (np.arange(n) - m for n, m in zip(sdf.shape[1:], outline.middle, strict=True))
-    slack = SLACK * radius.max()
-    like_it = (mine & (radial < slack)).sum((1, 2)) >= LIKE * mine.sum((1, 2))
-    ours = ((owner == part) | (sdf > 0)) & (like_it & outline.layers)[:, None, None]
+    ours = ((owner == part) | (sdf > 0)) & outline.like_it[:, None, None]
     ours[[0, -1]] = ours[:, [0, -1]] = ours[:, :, [0, -1]] = False  # the layer of outside
-    stands = ours & mine & (radial > 0) & (end < 0) & _standing(u, v, offset, reach, radius)
+    stands = ours & mine & (radial > 0) & (end < 0) & outline.strips
     near_it = (outside < 0) | (owner == part) | (owner < 0)  # distances of others stay
     within = (radial < -WALL) & (end < -WALL)
-    written = ours & near_it & (outside < NEAR) & ~within
+    made = ours & outline.layers[:, None, None]
+    written = made & near_it & (outside < NEAR) & ~within
     for closing in (depth < outline.low + WALL, depth > outline.high - WALL):
         cap = closing[:, None, None] & (radial < -WALL) & (end < 0)
         middle_of_it = cap & (away < radius[:, None, None] / 2)
