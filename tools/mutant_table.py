@@ -317,37 +317,43 @@ MUTANTS = (
         "uniart_jax/voxels/cleanup/solids_of_revolution.py",
         "owner[layers[layer], *places] = keeps.part",
         "owner[layers[layer], *places] = gives.part",
-        "tests/voxels/cleanup/test_solids_of_revolution.py::test_the_wall_where_two_parts_overlap_is_of_one_below_and_of_the_other_above",
+        "tests/voxels/cleanup/test_solids_of_revolution.py"
+        "::test_the_wall_where_two_parts_overlap_is_of_one_below_and_of_the_other_above",
     ),
     Mutant(
         "uniart_jax/voxels/cleanup/solids_of_revolution.py",
-        "last - first > BESIDE * min",
+        "last - first > NESTED * min",
         "last - first > 9 * min",
-        "tests/voxels/cleanup/test_solids_of_revolution.py::test_a_narrow_part_or_one_within_another_is_made_in_all_its_layers",
+        "tests/voxels/cleanup/test_solids_of_revolution.py"
+        "::test_a_narrow_part_or_one_within_another_is_made_in_all_its_layers",
     ),
     Mutant(
         "uniart_jax/voxels/cleanup/solids_of_revolution.py",
         "np.ptp(radii, axis=0)) > TOUCH",
         "np.ptp(radii, axis=0)) > 999",
-        "tests/voxels/cleanup/test_solids_of_revolution.py::test_a_narrow_part_or_one_within_another_is_made_in_all_its_layers",
+        "tests/voxels/cleanup/test_solids_of_revolution.py"
+        "::test_a_narrow_part_or_one_within_another_is_made_in_all_its_layers",
     ),
     Mutant(
         "uniart_jax/voxels/cleanup/solids_of_revolution.py",
         "upper.layers[shared[:split]] = False",
         "upper.layers[shared[:split]] = True",
-        "tests/voxels/cleanup/test_solids_of_revolution.py::test_the_wall_where_two_parts_overlap_is_of_one_below_and_of_the_other_above",
+        "tests/voxels/cleanup/test_solids_of_revolution.py"
+        "::test_the_wall_where_two_parts_overlap_is_of_one_below_and_of_the_other_above",
     ),
     Mutant(
         "uniart_jax/voxels/cleanup/solids_of_revolution.py",
         "~(gives.strips & (away > end))",
         "True",
-        "tests/voxels/cleanup/test_solids_of_revolution.py::test_a_handle_stays_where_the_wall_is_the_other_part_s",
+        "tests/voxels/cleanup/test_solids_of_revolution.py"
+        "::test_a_handle_stays_where_the_wall_is_the_other_part_s",
     ),
     Mutant(
         "uniart_jax/voxels/cleanup/solids_of_revolution.py",
         "apart > COAXIAL",
         "apart > 999",
-        "tests/voxels/cleanup/test_solids_of_revolution.py::test_parts_beside_each_other_are_made_in_all_their_layers",
+        "tests/voxels/cleanup/test_solids_of_revolution.py"
+        "::test_parts_beside_each_other_are_made_in_all_their_layers",
     ),
     Mutant(
         "uniart_jax/data/mirror.py",

@@ -38,7 +38,7 @@ STEEPEST = 3.0  # radius over height, slope of an outline that distances allow f
 DRAWN = (6.0, 14.0)  # sub-cells, radii from which on voxels count, and alone count
 COAXIAL = 0.25  # of the smaller radius, that axes of parts that share layers are apart at most
 TOUCH = 6.0  # sub-cells, that radii of such parts differ there at most
-BESIDE = 0.9  # largest share of the shorter one's height that they overlap: else one is inside
+NESTED = 0.9  # share of the shorter one's height that they overlap from which on one is inside
 
 
 @dataclasses.dataclass
@@ -165,7 +165,7 @@ def _share_layers(owner: np.ndarray, lower: _Outline, upper: _Outline) -> None:
     radii = np.stack([o.radius[shared] for o in parts])
     if (
         not len(shared)
-        or last - first > BESIDE * min(o.high - o.low for o in parts)
+        or last - first > NESTED * min(o.high - o.low for o in parts)
         or apart > COAXIAL * min(o.radius.max() for o in parts)
         or np.median(np.ptp(radii, axis=0)) > TOUCH
     ):
