@@ -209,6 +209,21 @@ def test_what_is_hidden_loses_the_networks_blotches(scene):
         assert np.std(made[hidden], axis=0).max() < 0.5 * np.std(colors[hidden], axis=0).max()
 
 
+def test_a_patch_on_what_is_hidden_takes_the_colour_around_it(scene, monkeypatch):
+    obj, picture, _ = scene
+    points, normals, parts, _ = sampled(obj, 30_000)
+    back = (parts == 0) & (normals[:, 0] > 0.5)
+    middle = np.linalg.norm(points[:, 1:], axis=1)
+    colors = np.where((back & (middle < 0.07))[:, None], 0.9, HIDDEN)
+    # guesses are the network's colours as they are
+    monkeypatch.setattr(
+        picture_colors, "hidden_colors", lambda some, obj, camera, at: some.decoded[at] ** 2.2
+    )
+    made = paint(picture, obj, points, normals, parts, colors.__getitem__)
+    inner, outer = made[back & (middle < 0.05)], made[back & (middle > 0.2)]
+    assert len(inner) > 40 and np.abs(inner - np.median(outer, 0)).max() < 0.02
+
+
 def test_the_network_is_asked_for_few_places(scene, monkeypatch):
     obj, picture, _ = scene
     points, normals, own, true = sampled(obj, 20_000)

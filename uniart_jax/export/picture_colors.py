@@ -46,7 +46,7 @@ SAMPLES = 5_000  # places a part that colours are carried from
 PLACES = 8_000  # of an object, of whose hidden ones colours are asked
 FEWEST = 64  # of them of each part, at least
 FACE = 0.5  # object units that the opposite of a normal counts as twice, between these places
-AROUND = 24  # nearest of them, of which a colour is the median: guesses are blotchy
+AROUND = 100  # nearest of them, of which a colour is the median: guesses are blotchy
 BETWEEN = 6  # nearest of them, of whose colours a place's is the mean
 
 
