@@ -519,6 +519,19 @@ MUTANTS = (
     ),
     Mutant(
         "uniart_jax/export/picture_colors.py",
+        "AROUND = 100",
+        "AROUND = 24",
+        "tests/export/test_picture_colors.py"
+        "::test_a_patch_on_what_is_hidden_takes_the_colour_around_it",
+    ),
+    Mutant(
+        "uniart_jax/voxels/cleanup/flat_faces.py",
+        "SHARP = 0.55",
+        "SHARP = 0.6",
+        "tests/voxels/cleanup/test_flat_faces.py::test_a_wall_in_two_depths_becomes_one",
+    ),
+    Mutant(
+        "uniart_jax/export/picture_colors.py",
         "            filled[hidden] = decoded(hidden)\n",
         "",
         "tests/export/test_picture_colors.py"

@@ -47,6 +47,15 @@ def test_ripples_and_teeth_go(door):
     assert mesh.is_watertight
 
 
+def test_a_wall_in_two_depths_becomes_one():
+    front = np.where(AT[1] < 37, 20.3, 21.7)  # .58 of the columns, and the others
+    wall = field_of(block((front, *LOWER[1:]), UPPER))
+    box = box_of((10.3, *LOWER[1:]), UPPER)  # the wall is not at its face
+    flat = with_flat_faces(wall, box[None])
+    before, after = (heights(f.sdf, f.sdf < 0)[1][14:51, 14:51] for f in (wall, flat))
+    assert np.ptp(before) > 1 and np.ptp(after) < 1e-3
+
+
 def test_small_holes_are_closed_and_large_ones_stay():
     hole = lambda y, z, side: np.maximum(np.abs(AT[1] - y), np.abs(AT[2] - z)) - side / 2  # noqa: E731
     plate = block(LOWER, UPPER)
