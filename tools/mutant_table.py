@@ -519,10 +519,16 @@ MUTANTS = (
     ),
     Mutant(
         "uniart_jax/export/picture_colors.py",
-        "AROUND = 100",
-        "AROUND = 24",
+        "AROUND = (24, 100)",
+        "AROUND = (24, 24)",
         "tests/export/test_picture_colors.py"
         "::test_a_patch_on_what_is_hidden_takes_the_colour_around_it",
+    ),
+    Mutant(
+        "uniart_jax/voxels/cleanup/flat_faces.py",
+        "near if maps.tilted(near, around) else ",
+        "",
+        "tests/voxels/cleanup/test_flat_faces.py::test_a_tilted_face_stays_tilted",
     ),
     Mutant(
         "uniart_jax/voxels/cleanup/flat_faces.py",

@@ -214,6 +214,7 @@ def test_a_patch_on_what_is_hidden_takes_the_colour_around_it(scene, monkeypatch
     points, normals, parts, _ = sampled(obj, 30_000)
     back = (parts == 0) & (normals[:, 0] > 0.5)
     middle = np.linalg.norm(points[:, 1:], axis=1)
+    # some 34 of the places that are asked
     colors = np.where((back & (middle < 0.07))[:, None], 0.9, HIDDEN)
     # guesses are the network's colours as they are
     monkeypatch.setattr(
@@ -222,6 +223,20 @@ def test_a_patch_on_what_is_hidden_takes_the_colour_around_it(scene, monkeypatch
     made = paint(picture, obj, points, normals, parts, colors.__getitem__)
     inner, outer = made[back & (middle < 0.05)], made[back & (middle > 0.2)]
     assert len(inner) > 40 and np.abs(inner - np.median(outer, 0)).max() < 0.02
+
+
+def test_a_face_of_a_small_part_keeps_its_colour(monkeypatch):
+    rng = np.random.default_rng(2)
+    points = rng.random((80, 3)) * 0.1
+    normals = np.where(np.arange(80)[:, None] < 30, [[1.0, 0, 0]], [[-1.0, 0, 0]])
+    colors = np.where(np.arange(80)[:, None] < 30, 0.9, 0.2) * np.ones(3)
+    monkeypatch.setattr(
+        picture_colors, "hidden_colors", lambda some, obj, camera, at: some.decoded[at] ** 2.2
+    )
+    none = np.zeros(80)
+    places = Places(points, normals, none.astype(int), None, colors, none > 0.5)
+    found = guessed(places, colors.__getitem__, None, np.zeros(3), none)
+    np.testing.assert_allclose(found, linear_to_srgb(colors) ** 2.2, atol=1e-3)
 
 
 def test_the_network_is_asked_for_few_places(scene, monkeypatch):

@@ -54,6 +54,16 @@ def test_a_wall_in_two_depths_becomes_one():
     flat = with_flat_faces(wall, box[None])
     before, after = (heights(f.sdf, f.sdf < 0)[1][14:51, 14:51] for f in (wall, flat))
     assert np.ptp(before) > 1 and np.ptp(after) < 1e-3
+    assert abs(after.mean() - 20.3) < 0.1  # where most of it was
+
+
+@pytest.mark.parametrize("rise", [2, 4, 6])
+def test_a_tilted_face_stays_tilted(rise):
+    front = 20.3 + rise * (AT[1] - 8.2) / 48
+    face = field_of(block((front, *LOWER[1:]), (40.3, *UPPER[1:])))
+    flat = with_flat_faces(face, box_of((10.3, *LOWER[1:]), (40.3, *UPPER[1:]))[None])
+    before, after = (heights(f.sdf, f.sdf < 0)[1][14:51, 14:51] for f in (face, flat))
+    assert np.abs(after - before).max() < 0.1
 
 
 def test_small_holes_are_closed_and_large_ones_stay():

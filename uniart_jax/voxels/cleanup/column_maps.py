@@ -1,5 +1,5 @@
 """Maps [U, V] of columns of cells as they are seen from one side: how deep each begins, gaps among
-them that are closed, and pieces of them that are round, told from flat ones with ripples."""
+them that are closed, and pieces of them that are round or tilted, told from flat ones with ripples."""
 
 from __future__ import annotations
 
@@ -14,6 +14,8 @@ ROUND = 14  # sub-cells, that a round face is wide at least, so that its edges d
 # the ends of a round face are so much deeper than its middle, of all its depths, and in sub-cells
 BULGE, LEAST_BULGE = 0.25, 0.4
 PARTLY = (0.2, 0.8)  # of that much, that it is deeper between middle and ends
+# sub-cells that a tilted face rises by at least, and share of the depths' variance that is its rise
+RISE, STRAIGHT = 1.5, 0.8
 
 
 def heights(sdf: np.ndarray, solid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -102,3 +104,12 @@ def with_what_goes_on(
     pieces = labelled[0]
     joined = np.unique(pieces[found])
     return found | np.isin(pieces, joined[joined > 0])
+
+
+def tilted(columns: np.ndarray, height: np.ndarray) -> bool:
+    """Whether heights [U, V] of columns [U, V], some of them, are those of a plane that rises."""
+    places = np.argwhere(columns).astype(np.float64)
+    places -= places.mean(0)
+    off = height[columns] - height[columns].mean()
+    plane = places @ np.linalg.lstsq(places, off, rcond=None)[0]
+    return bool(np.ptp(plane) > RISE and plane.var() > STRAIGHT * off.var())
