@@ -46,8 +46,8 @@ SAMPLES = 5_000  # places a part that colours are carried from
 PLACES = 8_000  # of an object, of whose hidden ones colours are asked
 FEWEST = 64  # of them of each part, at least
 FACE = 0.5  # object units that the opposite of a normal counts as twice, between these places
-# nearest of them, of which a colour is the median, as guesses are blotchy: a quarter of a part's, but
-AROUND = (24, 100)  # so many at least and at most
+# nearest of them, of which a colour is the median, as guesses are blotchy: a quarter of a part's,
+AROUND = (24, 100)  # but so many at least and at most
 BETWEEN = 6  # nearest of them, of whose colours a place's is the mean
 
 

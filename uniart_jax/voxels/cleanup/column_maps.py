@@ -1,5 +1,5 @@
 """Maps [U, V] of columns of cells as they are seen from one side: how deep each begins, gaps among
-them that are closed, and pieces of them that are round or tilted, told from flat ones with ripples."""
+them that are closed, and pieces that are round or tilted, told from flat ones with ripples."""
 
 from __future__ import annotations
 
