@@ -6,7 +6,7 @@ Hardware and time: two CPU cores, about six hours with the making of records; or
     weights before (--init), the last of them on a GPU (tools/train_pool.py); this config has the
     last networks and the steps of the first three trainings together, and has not been run in
     one piece. A refiner that is trained so little, on layouts that are not found, may not help.
-Result: layouts of 128 held-out objects, parts right .79 [.73, .84], moving parts found .92,
+Result: layouts of 128 held-out objects, parts right .80 [.74, .85], moving parts found .92,
     count .65 (uniart evaluate layout --checkpoint nano).
 Each training: docs/training_history.md; figures: docs/model_card.md.
 """

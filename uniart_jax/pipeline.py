@@ -170,8 +170,8 @@ class Pipeline(Networks):
         Args:
           image: path, or [H, W, 3 or 4] uint8 sRGB; a sequence of them = several views.
           seed: same seed, same object, on the same number of cores of the same kind (elsewhere
-            sums are rounded in another order, and meshes and textures differ a little). Flows that
-            take one step give their mean, whatever the seed.
+            sums are rounded in another order: meshes differ a little, and textures are laid out
+            otherwise). Flows that take one step give their mean, whatever the seed.
           layout: parts, joints and tree that the object follows (``voxels.follow``): a layout in
             the image's frame and state; True = what the checkpoint's layout network finds in the
             (first) image, where it has one; False = they are read off the voxels.

@@ -199,7 +199,7 @@ class Desk:
 def build(desk: Desk) -> gr.Blocks:
     """The page, to be launched; ``desk`` does what it asks for."""
     flows = desk.pipeline.options()
-    alike = "Same seed, same object."
+    alike = "Same seed, same object, on the same machine."
     if any(flow.steps == 1 for flow in flows):
         alike = "The model takes one step, the same for every seed; with more steps they differ."
     with gr.Blocks(title=TITLE, analytics_enabled=False, fill_width=True) as blocks:

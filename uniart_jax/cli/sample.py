@@ -63,7 +63,7 @@ def sample(
         checkpoint: "nano" (shipped), a folder written by training, a training WORKDIR, or
           hf:ORG/NAME of the Hugging Face hub (pip install 'uniart_jax[hub]').
         seed: Same seed, same object, on the same number of cores of the same kind; elsewhere
-          rounding makes meshes and textures differ a little.
+          meshes differ a little by rounding, and textures are laid out otherwise.
         num_samples: Samples an image; with several, report.json says how much those that were made
           agree on each joint. Where the checkpoint takes one step, which
             is the mean whatever the seed, several are made in four.
