@@ -519,21 +519,27 @@ MUTANTS = (
     ),
     Mutant(
         "uniart_jax/export/picture_colors.py",
-        "AROUND = (24, 100)",
-        "AROUND = (24, 24)",
+        "WIDE = 100",
+        "WIDE = 24",
         "tests/export/test_picture_colors.py"
-        "::test_a_patch_on_what_is_hidden_takes_the_colour_around_it",
+        "::test_a_patch_goes_but_for_windows_of_what_moves",
+    ),
+    Mutant(
+        "uniart_jax/export/picture_colors.py",
+        'moves = obj.parts[int(k)].joint.type != "fixed"',
+        "moves = False",
+        "tests/export/test_picture_colors.py::test_a_patch_goes_but_for_windows_of_what_moves",
     ),
     Mutant(
         "uniart_jax/voxels/cleanup/flat_faces.py",
-        "near if maps.tilted(near, around) else ",
+        " or (sharp < SHARP and maps.tilted(near, around))",
         "",
         "tests/voxels/cleanup/test_flat_faces.py::test_a_tilted_face_stays_tilted",
     ),
     Mutant(
         "uniart_jax/voxels/cleanup/flat_faces.py",
-        "SHARP = 0.55",
-        "SHARP = 0.6",
+        "SHARP, BARELY = 0.6, 0.55",
+        "SHARP, BARELY = 0.6, 0.6",
         "tests/voxels/cleanup/test_flat_faces.py::test_a_wall_in_two_depths_becomes_one",
     ),
     Mutant(

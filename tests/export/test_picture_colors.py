@@ -209,23 +209,31 @@ def test_what_is_hidden_loses_the_networks_blotches(scene):
         assert np.std(made[hidden], axis=0).max() < 0.5 * np.std(colors[hidden], axis=0).max()
 
 
-def test_a_patch_on_what_is_hidden_takes_the_colour_around_it(scene, monkeypatch):
-    obj, picture, _ = scene
-    points, normals, parts, _ = sampled(obj, 30_000)
-    back = (parts == 0) & (normals[:, 0] > 0.5)
-    middle = np.linalg.norm(points[:, 1:], axis=1)
-    # some 34 of the places that are asked
-    colors = np.where((back & (middle < 0.07))[:, None], 0.9, HIDDEN)
-    # guesses are the network's colours as they are
+@pytest.mark.parametrize("moves", [False, True])
+def test_a_patch_goes_but_for_windows_of_what_moves(scene, monkeypatch, moves):
+    part = Part("door", scene[0].parts[0].mesh, 0, Joint((0, 0.5, 0), (0, 0, 1), angle=(0, 1)))
+    obj = ArticulatedObject((scene[0].parts[0], part))
+    side = np.linspace(-0.5, 0.5, 60)
+    points = np.stack([np.zeros(3600), *(a.ravel() for a in np.meshgrid(side, side))], 1)
+    normals = np.tile([1.0, 0, 0], (3600, 1))
+    middle = np.linalg.norm(points, axis=1)
+    patch = np.argsort(middle, kind="stable")[
+        :40
+    ]  # fewer than half of WIDE, more than half of AROUND
+    colors = np.full((3600, 3), 0.2)
+    colors[patch] = 0.9
     monkeypatch.setattr(
         picture_colors, "hidden_colors", lambda some, obj, camera, at: some.decoded[at] ** 2.2
     )
-    made = paint(picture, obj, points, normals, parts, colors.__getitem__)
-    inner, outer = made[back & (middle < 0.05)], made[back & (middle > 0.2)]
-    assert len(inner) > 40 and np.abs(inner - np.median(outer, 0)).max() < 0.02
+    none = np.zeros(3600)
+    places = Places(points, normals, np.full(3600, int(moves)), None, colors, none > 0.5)
+    found = guessed(places, colors.__getitem__, obj, np.zeros(3), none)
+    expected = linear_to_srgb(np.array([0.9 if moves else 0.2])) ** 2.2
+    np.testing.assert_allclose(found[patch[:4]], np.tile(expected, (4, 3)), atol=1e-3)
 
 
-def test_a_face_of_a_small_part_keeps_its_colour(monkeypatch):
+def test_a_face_of_a_small_part_keeps_its_colour(scene, monkeypatch):
+    obj, _, _ = scene
     rng = np.random.default_rng(2)
     points = rng.random((80, 3)) * 0.1
     normals = np.where(np.arange(80)[:, None] < 30, [[1.0, 0, 0]], [[-1.0, 0, 0]])
@@ -235,7 +243,7 @@ def test_a_face_of_a_small_part_keeps_its_colour(monkeypatch):
     )
     none = np.zeros(80)
     places = Places(points, normals, none.astype(int), None, colors, none > 0.5)
-    found = guessed(places, colors.__getitem__, None, np.zeros(3), none)
+    found = guessed(places, colors.__getitem__, obj, np.zeros(3), none)
     np.testing.assert_allclose(found, linear_to_srgb(colors) ** 2.2, atol=1e-3)
 
 

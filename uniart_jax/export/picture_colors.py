@@ -46,8 +46,8 @@ SAMPLES = 5_000  # places a part that colours are carried from
 PLACES = 8_000  # of an object, of whose hidden ones colours are asked
 FEWEST = 64  # of them of each part, at least
 FACE = 0.5  # object units that the opposite of a normal counts as twice, between these places
-# nearest of them, of which a colour is the median, as guesses are blotchy: a quarter of a part's,
-AROUND = (24, 100)  # but so many at least and at most
+AROUND = 24  # nearest of them, of which a colour is the median: guesses are blotchy
+WIDE = 100  # of what does not move, up to a quarter of its places: it has no windows, as doors have
 BETWEEN = 6  # nearest of them, of whose colours a place's is the mean
 
 
@@ -165,8 +165,9 @@ def guessed(
             filled[hidden] = decoded(hidden)
             continue
         tree, count = cKDTree(known[told]), int(told.sum())
-        around = min(int(np.clip(count // 4, *AROUND)), count)
-        _, near = tree.query(known[told], k=np.arange(1, around + 1), workers=-1)
+        moves = obj.parts[int(k)].joint.type != "fixed"
+        around = AROUND if moves else max(min(count // 4, WIDE), AROUND)
+        near = tree.query(known[told], k=np.arange(1, min(around, count) + 1), workers=-1)[1]
         even = np.median(said[told][near], axis=1)
         where = with_normals(points[hidden], normals[hidden], FACE)
         distance, near = tree.query(

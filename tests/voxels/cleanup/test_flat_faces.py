@@ -57,7 +57,7 @@ def test_a_wall_in_two_depths_becomes_one():
     assert abs(after.mean() - 20.3) < 0.1  # where most of it was
 
 
-@pytest.mark.parametrize("rise", [2, 4, 6])
+@pytest.mark.parametrize("rise", [3, 4])
 def test_a_tilted_face_stays_tilted(rise):
     front = 20.3 + rise * (AT[1] - 8.2) / 48
     face = field_of(block((front, *LOWER[1:]), (40.3, *UPPER[1:])))

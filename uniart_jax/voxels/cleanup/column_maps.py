@@ -1,5 +1,5 @@
 """Maps [U, V] of columns of cells as they are seen from one side: how deep each begins, gaps among
-them that are closed, and pieces that are round or tilted, told from flat ones with ripples."""
+them that are closed, and what is round or tilted, told from what is flat with ripples."""
 
 from __future__ import annotations
 
@@ -107,7 +107,8 @@ def with_what_goes_on(
 
 
 def tilted(columns: np.ndarray, height: np.ndarray) -> bool:
-    """Whether heights [U, V] of columns [U, V], some of them, are those of a plane that rises."""
+    """Whether heights [U, V] of columns [U, V], some of them, are those of a plane that rises by
+    more than ``RISE`` over them, and that is ``STRAIGHT`` of their variance."""
     places = np.argwhere(columns).astype(np.float64)
     places -= places.mean(0)
     off = height[columns] - height[columns].mean()

@@ -41,7 +41,8 @@ COVERED = 0.75  # share of the face's longer side along which the part has to co
 EDGE = 5  # a face no wider is a panel's edge: what stands out from it is no handle
 FLAT = 1.5  # from a plane, within which columns belong to it
 STANDS = 2.0  # ahead of a plane, from which on it is no ripple
-SHARP = 0.55  # share of these within half a cell of one depth; of many round faces a half
+# share of these within half a cell of one depth, and where no tilted plane explains the others;
+SHARP, BARELY = 0.6, 0.55  # of many round faces it is a half
 PLANE_SHARE = 0.08  # of a part's columns, and
 PLANE_COLUMNS = 48  # so many, that make a plane
 RIPPLE = 13  # side of the neighbourhood whose median says what plane a column belongs to
@@ -308,10 +309,10 @@ def _flatten(views: Views, part: int, face: tuple[float, np.ndarray] | None = No
         many = np.searchsorted(depths, depths + 0.5) - np.searchsorted(depths, depths - 0.5)
         middle = depths[many.argmax()]
         near = left & (np.abs(around - middle) <= FLAT)
-        if near.sum() < least or many.max() < SHARP * near.sum():
+        sharp = many.max() / max(near.sum(), 1)
+        if near.sum() < least or sharp < BARELY or (sharp < SHARP and maps.tilted(near, around)):
             return
-        bent = near if maps.tilted(near, around) else maps.round_pieces(near, around, EDGE)
-        curved = maps.with_what_goes_on(bent, left, around, FLAT)
+        curved = maps.with_what_goes_on(maps.round_pieces(near, around, EDGE), left, around, FLAT)
         left &= ~curved
         near &= ~curved
         if near.sum() < least:
