@@ -217,9 +217,8 @@ def test_a_patch_goes_but_for_windows_of_what_moves(scene, monkeypatch, moves):
     points = np.stack([np.zeros(3600), *(a.ravel() for a in np.meshgrid(side, side))], 1)
     normals = np.tile([1.0, 0, 0], (3600, 1))
     middle = np.linalg.norm(points, axis=1)
-    patch = np.argsort(middle, kind="stable")[
-        :40
-    ]  # fewer than half of WIDE, more than half of AROUND
+    # more than half of AROUND, fewer than half of WIDE
+    patch = np.argsort(middle, kind="stable")[:40]
     colors = np.full((3600, 3), 0.2)
     colors[patch] = 0.9
     monkeypatch.setattr(

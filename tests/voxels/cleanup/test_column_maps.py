@@ -1,4 +1,4 @@
-"""Maps of how deep columns begin: what is round, what joins it, and corners."""
+"""Maps of how deep columns begin: what is round, what is tilted, what joins it, and corners."""
 
 import numpy as np
 import pytest
@@ -8,6 +8,7 @@ from uniart_jax.voxels.cleanup.column_maps import (
     ROUND,
     corners,
     round_pieces,
+    tilted,
     with_what_goes_on,
 )
 
@@ -84,3 +85,17 @@ def test_corners_are_means_of_their_shares():
     mask = np.zeros((20, 10), bool)
     mask[:2, 0] = mask[-1, -1] = True
     np.testing.assert_allclose(corners(mask, 0.1), [1.0, 0.0, 0.0, 0.5])
+
+
+def test_a_plane_that_rises_is_tilted_and_what_is_flat_is_not():
+    columns = np.ones((40, 40), bool)
+    columns[:5] = False
+    along = np.arange(40.0)[:, None] + np.zeros(40)
+    ripples = 0.3 * np.sin(along * (2 * np.pi / 12))
+    for height, expected in (
+        (3 * along / 40 + ripples, True),
+        (ripples, False),
+        (1 * along / 40, False),  # hardly rises
+        (np.where(along < 22, 0.0, 1.4), False),  # two depths
+    ):
+        assert tilted(columns, 20 + height) is expected
