@@ -209,8 +209,16 @@ def test_what_is_hidden_loses_the_networks_blotches(scene):
         assert np.std(made[hidden], axis=0).max() < 0.5 * np.std(colors[hidden], axis=0).max()
 
 
+@pytest.fixture
+def guesses_are_decoded(monkeypatch):
+    """``hidden_colors`` gives the decoder's colours, sRGB, to the power of 2.2."""
+    decoded = lambda places, obj, camera, at: places.decoded[at] ** 2.2  # noqa: E731
+    monkeypatch.setattr(picture_colors, "hidden_colors", decoded)
+
+
+@pytest.mark.usefixtures("guesses_are_decoded")
 @pytest.mark.parametrize("moves", [False, True])
-def test_a_patch_goes_but_for_windows_of_what_moves(scene, monkeypatch, moves):
+def test_a_patch_goes_but_for_windows_of_what_moves(scene, moves):
     part = Part("door", scene[0].parts[0].mesh, 0, Joint((0, 0.5, 0), (0, 0, 1), angle=(0, 1)))
     obj = ArticulatedObject((scene[0].parts[0], part))
     side = np.linspace(-0.5, 0.5, 60)
@@ -221,9 +229,6 @@ def test_a_patch_goes_but_for_windows_of_what_moves(scene, monkeypatch, moves):
     patch = np.argsort(middle, kind="stable")[:40]
     colors = np.full((3600, 3), 0.2)
     colors[patch] = 0.9
-    monkeypatch.setattr(
-        picture_colors, "hidden_colors", lambda some, obj, camera, at: some.decoded[at] ** 2.2
-    )
     none = np.zeros(3600)
     places = Places(points, normals, np.full(3600, int(moves)), None, colors, none > 0.5)
     found = guessed(places, colors.__getitem__, obj, np.zeros(3), none)
@@ -231,15 +236,13 @@ def test_a_patch_goes_but_for_windows_of_what_moves(scene, monkeypatch, moves):
     np.testing.assert_allclose(found[patch[:4]], np.tile(expected, (4, 3)), atol=1e-3)
 
 
-def test_a_face_of_a_small_part_keeps_its_colour(scene, monkeypatch):
+@pytest.mark.usefixtures("guesses_are_decoded")
+def test_a_face_of_a_small_part_keeps_its_colour(scene):
     obj, _, _ = scene
     rng = np.random.default_rng(2)
     points = rng.random((80, 3)) * 0.1
     normals = np.where(np.arange(80)[:, None] < 30, [[1.0, 0, 0]], [[-1.0, 0, 0]])
     colors = np.where(np.arange(80)[:, None] < 30, 0.9, 0.2) * np.ones(3)
-    monkeypatch.setattr(
-        picture_colors, "hidden_colors", lambda some, obj, camera, at: some.decoded[at] ** 2.2
-    )
     none = np.zeros(80)
     places = Places(points, normals, none.astype(int), None, colors, none > 0.5)
     found = guessed(places, colors.__getitem__, obj, np.zeros(3), none)

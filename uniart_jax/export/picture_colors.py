@@ -47,7 +47,7 @@ PLACES = 8_000  # of an object, of whose hidden ones colours are asked
 FEWEST = 64  # of them of each part, at least
 FACE = 0.5  # object units that the opposite of a normal counts as twice, between these places
 AROUND = 24  # nearest of them, of which a colour is the median: guesses are blotchy
-WIDE = 100  # of what does not move, up to a quarter of its places: it has no windows, as doors have
+WIDE = 100  # of a part that does not move, up to a quarter of its places: doors have windows
 BETWEEN = 6  # nearest of them, of whose colours a place's is the mean
 
 
@@ -166,7 +166,7 @@ def guessed(
             continue
         tree, count = cKDTree(known[told]), int(told.sum())
         moves = obj.parts[int(k)].joint.type != "fixed"
-        around = AROUND if moves else max(min(count // 4, WIDE), AROUND)
+        around = AROUND if moves else int(np.clip(count // 4, AROUND, WIDE))
         near = tree.query(known[told], k=np.arange(1, min(around, count) + 1), workers=-1)[1]
         even = np.median(said[told][near], axis=1)
         where = with_normals(points[hidden], normals[hidden], FACE)

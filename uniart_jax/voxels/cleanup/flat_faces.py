@@ -41,8 +41,8 @@ COVERED = 0.75  # share of the face's longer side along which the part has to co
 EDGE = 5  # a face no wider is a panel's edge: what stands out from it is no handle
 FLAT = 1.5  # from a plane, within which columns belong to it
 STANDS = 2.0  # ahead of a plane, from which on it is no ripple
-# share of these within half a cell of one depth, and where no tilted plane explains the others;
-SHARP, BARELY = 0.6, 0.55  # of many round faces it is a half
+# share of these within half a cell of one depth (of many round faces a half); the second is enough
+SHARP, BARELY = 0.6, 0.55  # where these are no tilted plane
 PLANE_SHARE = 0.08  # of a part's columns, and
 PLANE_COLUMNS = 48  # so many, that make a plane
 RIPPLE = 13  # side of the neighbourhood whose median says what plane a column belongs to
