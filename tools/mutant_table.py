@@ -234,6 +234,13 @@ MUTANTS = (
     ),
     Mutant(
         "uniart_jax/export/picture_colors.py",
+        "FACING = (0.1, 0.35)",
+        "FACING = (0.15, 0.5)",
+        "tests/export/test_picture_colors.py"
+        "::test_a_top_that_is_seen_at_a_low_angle_takes_the_pictures_colour",
+    ),
+    Mutant(
+        "uniart_jax/export/picture_colors.py",
         "shown /= np.maximum(shown.max(-1, keepdims=True), 1)",
         "shown = np.clip(shown, 0, 1)",
         "tests/export/test_picture_colors.py::test_what_light_would_make_too_bright_keeps_its_hue",

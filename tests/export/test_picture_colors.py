@@ -113,6 +113,21 @@ def test_colours_come_from_the_picture_and_light_does_not(scene):
     assert np.median(off) < 0.1
 
 
+def test_a_top_that_is_seen_at_a_low_angle_takes_the_pictures_colour():
+    mesh = trimesh.creation.box((0.7, 0.7, 0.3))
+    colors = np.where(mesh.face_normals[:, 2:] > 0.5, FRONT, SIDE)
+    obj = ArticulatedObject((Part("desk", painted(mesh, colors), -1, Joint.fixed()),))
+    camera = fit(obj, Camera(0.5, 0.3, 35))
+    rgba = np.round(render(obj, camera, size=256, samples=4) * 255).astype(np.uint8)
+    row = [[camera.azimuth, camera.elevation, camera.fov_degrees, camera.distance]]
+    picture = Picture.of(rgba, camera_codes(np.array(row), rgba[None])[0], size=256)
+    points, normals, own, true = sampled(obj)
+    found = paint(picture, obj, points, normals, own, np.full_like(true, 0.5).__getitem__)
+    top = (normals[:, 2] > 0.5) & (np.abs(points[:, :2]).max(1) < 0.25)  # away from its edges
+    off = np.abs(linear_to_srgb(found[top]) - linear_to_srgb(FRONT)).mean(-1)
+    assert np.median(off) < 0.05
+
+
 def test_a_picture_of_nothing_changes_nothing(scene):
     obj, picture, code = scene
     points, normals, own, true = sampled(obj, 300)
