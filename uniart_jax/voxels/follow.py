@@ -19,36 +19,18 @@ import trimesh
 from uniart_jax.objects.kinematics import topological_order
 from uniart_jax.objects.object import ArticulatedObject, Part
 from uniart_jax.voxels.assemble import _finite, mesh_parts
-from uniart_jax.voxels.cleanup.clearance import with_meshes, with_room_to_move
-from uniart_jax.voxels.cleanup.drums import drums, with_drums
-from uniart_jax.voxels.cleanup.flat_faces import with_flat_faces
-from uniart_jax.voxels.cleanup.found_boards import with_boards
-from uniart_jax.voxels.cleanup.found_legs import with_legs
-from uniart_jax.voxels.cleanup.found_panels import with_panels
-from uniart_jax.voxels.cleanup.legs import with_whole_legs
-from uniart_jax.voxels.cleanup.loose_parts import (
-    with_lost_parts,
-    with_parts_joined,
-    without_floating_pieces,
-)
+from uniart_jax.voxels.cleanup.loose_parts import with_parts_joined
+from uniart_jax.voxels.cleanup.passes import FieldParts, cleaned
 from uniart_jax.voxels.cleanup.primitive_parts import (
     doubles,
-    in_front,
     needed,
     primitive_part,
     side_by_side,
 )
-from uniart_jax.voxels.cleanup.rooms import with_clean_rooms
-from uniart_jax.voxels.cleanup.round_doors import round_doors, with_round_doors
-from uniart_jax.voxels.cleanup.solids_of_revolution import with_revolutions
-from uniart_jax.voxels.cleanup.trays import trays
-from uniart_jax.voxels.cleanup.walls import with_whole_walls
-from uniart_jax.voxels.closing import closing_of
 from uniart_jax.voxels.grid import VoxelGrid, subcell_centers
 from uniart_jax.voxels.isosurface import DenseField
 from uniart_jax.voxels.joint_code import box_corners
 from uniart_jax.voxels.layout import Layout
-from uniart_jax.voxels.opening_direction import still_parts
 from uniart_jax.voxels.segment import Segmentation, outside
 
 SAID = 0.25
@@ -105,14 +87,64 @@ def assemble_layout(
     """
     if len(grid.coords) == 0:
         raise ValueError("assemble: the voxel grid is empty; nothing was generated")
-    grid = _finite(grid)
+    chosen = _chosen_rows(_finite(grid), layout)
+    layout, rows, numbers = chosen.layout, [*chosen.shown, *chosen.boxed], chosen.numbers
+    parts = FieldParts(_taken(layout, rows), len(chosen.shown), [numbers[row] for row in rows])
+    boxed = _primitive_meshes(layout, chosen.boxed, 1 / (grid.resolution * grid.subdivisions))
+    unfollowed: list[str] = []
+
+    def reshape(field: DenseField) -> DenseField:
+        nonlocal boxed, unfollowed
+        field, boxed, unfollowed = cleaned(field, parts, boxed, flat, room)
+        return field
+
+    pure = (chosen.owner == chosen.owner[:, :1]).all(1)
+    told = dataclasses.replace(chosen.grid, own_box=parts.boxes[chosen.owner])
+    found = mesh_parts(told, Segmentation(parts.boxes, chosen.owner, pure), reshape)
+    meshes = dict(zip(rows, [*found, *boxed], strict=True))
+    fragments = [k for k in range(len(layout)) if _is_fragment(meshes[k], layout, k)]
+    left_out = "left out: voxels show a fragment of it"
+    notes = [_note(numbers[k], layout.confidence[k], left_out) for k in fragments]
+    kept = [meshes[k] for k in range(len(layout)) if k not in fragments]
+    made = _parts(_without(layout, fragments), kept)
+    provenance = (*chosen.notes, *notes, *unfollowed)
+    return with_parts_joined(
+        ArticulatedObject(made, scale, name, provenance=provenance, from_voxels=True)
+    )
+
+
+def _note(row: int, confidence: float, what: str) -> str:
+    return f"part {row} of the layout (confidence {confidence:.2f}) {what}"
+
+
+@dataclasses.dataclass(frozen=True)
+class _Chosen:
+    """Which rows of a layout become parts, and how.
+
+    Attributes:
+      grid: without what voxels show of the others. layout: the rows that become parts, of which
+        voxels show ``shown`` and ``boxed`` are made of their boxes. numbers: their rows in the
+        layout before. owner: [V, r^3] which of ``shown`` each sub-cell joins. notes: of rows that
+        are left out or made of their boxes.
+    """
+
+    grid: VoxelGrid
+    layout: Layout
+    shown: list[int]
+    boxed: list[int]
+    numbers: list[int]
+    owner: np.ndarray
+    notes: tuple[str, ...]
+
+
+def _chosen_rows(grid: VoxelGrid, layout: Layout) -> _Chosen:
     owner = row_of_subcells(grid, layout.boxes)
-    solid = np.bincount(owner[np.asarray(grid.sdf) < 0], minlength=len(layout))
+    inside = np.asarray(grid.sdf) < 0
+    solid = np.bincount(owner[inside], minlength=len(layout))
     cells = grid.resolution * grid.subdivisions
     boxed, specks, twice, hidden = _kinds(layout, solid, cells)
-    left_out = hidden + twice + specks
     notes = tuple(
-        f"part {k} of the layout (confidence {layout.confidence[k]:.2f}) {what}"
+        _note(k, layout.confidence[k], what)
         for rows, what in (
             (hidden, "left out: no voxels show it"),
             (specks, "left out: it is too small"),
@@ -121,117 +153,32 @@ def assemble_layout(
         )
         for k in rows
     )
-    # in the place of their meshes
-    theirs = np.isin(owner, boxed + twice + specks) & (np.asarray(grid.sdf) < 0)
+    theirs = np.isin(owner, boxed + twice + specks) & inside  # in the place of their meshes
     grid = dataclasses.replace(grid, sdf=np.where(theirs, np.float32(0.5), grid.sdf))
-    kept = [k for k in range(len(layout)) if k not in left_out]
-    boxed = [kept.index(k) for k in boxed]
+    left_out = hidden + twice + specks
+    numbers = [k for k in range(len(layout)) if k not in left_out]
     layout = _without(layout, left_out)
+    boxed = [numbers.index(k) for k in boxed]
     shown = [k for k in range(len(layout)) if k not in boxed]
-    boxes = np.asarray(layout.boxes[shown], np.float32)
     if len(shown) < len(solid):  # what the others had joins these
         owner = row_of_subcells(grid, layout.boxes[shown])
-    pure = (owner == owner[:, :1]).all(1)
-    told = dataclasses.replace(grid, own_box=boxes[owner])
-    fitting = side_by_side(layout.boxes[boxed], [layout.joints[k] for k in boxed])
-    meshes = {
-        k: primitive_part(box, layout.joints[k], layout.colors[k], 1 / cells)
-        for k, box in zip(boxed, fitting, strict=True)
-    }
-    rows = [*shown, *boxed]  # of the field's owners
+    return _Chosen(grid, layout, shown, boxed, numbers, owner, notes)
 
-    place = {row: new for new, row in enumerate(rows)} | {-1: -1}
-    joints, up = [layout.joints[k] for k in rows], [place[layout.parents[k]] for k in rows]
 
-    body = [k for k in still_parts(up, joints) if k < len(shown)]
-
-    boards = {
-        k: own.boxes
-        for k, row in enumerate(shown)
-        if layout.boards and (own := layout.boards[row]) is not None and len(own)
-    }
-    unfit = [
-        f"boards of part {kept[rows[k]]} of the layout left out: it does not move"
-        for k in boards
-        if k in body
+def _primitive_meshes(layout: Layout, rows: list[int], cell: float) -> list[trimesh.Trimesh]:
+    """Rows of a layout that are made of their boxes; ``cell``: a sub-cell's side, object units."""
+    fitting = side_by_side(layout.boxes[rows], [layout.joints[k] for k in rows])
+    return [
+        primitive_part(box, layout.joints[k], layout.colors[k], cell)
+        for k, box in zip(rows, fitting, strict=True)
     ]
-    boards = {k: own for k, own in boards.items() if k not in body}
-    outlines_of = {
-        k: own
-        for k, row in enumerate(shown)
-        if layout.revolutions and (own := layout.revolutions[row]) is not None
-    }
-    closed = closing_of(joints, layout.boxes[rows], up)
-    ajar = {k: closed[k] for k in boards if (closed[k] != np.eye(3, 4)).any()}
 
-    def reshape(field: DenseField) -> DenseField:
-        drawn = field
-        if flat:
-            carries = [rows.index(k) for k in set(layout.parents) if k >= 0]
-            field = with_flat_faces(field, boxes, joints[: len(shown)], carries, body)
-            field = with_whole_walls(field, boxes, joints[: len(shown)], body)
-            if layout.panels is not None and len(layout.panels):
-                built = with_panels(field, body, layout.panels, layout.legs)
-                if built is None:
-                    unfit.append("panels of the layout left out: voxels show another body")
-                field = built or field
-            left = set(range(len(boxes)))
-            if boards:
-                field, built = with_boards(field, boards, joints, body, ajar)
-                unfit.extend(
-                    f"boards of part {kept[rows[k]]} of the layout left out: voxels show another "
-                    "shape"
-                    for k in sorted(boards.keys() - built)
-                )
-                left -= built
-            racks = trays(field, boxes, joints, up, body, closed, left)
-            if racks:
-                field, _ = with_boards(field, racks, joints, body, exact=True)
-                left -= racks.keys()
-                unfit.extend(f"part {kept[rows[k]]} of the layout made a tray" for k in racks)
-            if layout.legs is None:
-                field = with_whole_legs(field, body)
-            else:
-                field = with_legs(field, body, layout.legs)
-            field = with_clean_rooms(field, boxes, joints, up)
-            discs = round_doors(drawn, boxes, joints[: len(shown)], body)
-            field = with_round_doors(field, discs, body)
-            turning = drums(field, boxes, joints[: len(shown)], body)
-            field = with_drums(field, turning, body)
-            outlines = {k: one for k, one in outlines_of.items() if k in left}
-            for other in (*discs, *turning):
-                outlines.pop(other.part, None)
-            field, rounded = with_revolutions(field, drawn, boxes, outlines)
-            unfit.extend(
-                f"revolution of part {kept[rows[k]]} of the layout left out: voxels show another "
-                "shape"
-                for k in sorted(outlines.keys() - set(rounded))
-            )
-        field = with_lost_parts(field, drawn)
-        for k in boxed:
-            meshes[k] = in_front(meshes[k], layout.joints[k], field)
-        field = whole = with_meshes(field, [meshes[k] for k in boxed], len(shown))
-        field = without_floating_pieces(field, len(rows), body)
-        if not room:
-            return with_lost_parts(field, whole)
-        field = with_room_to_move(field, joints, up)
-        return with_lost_parts(without_floating_pieces(field, len(rows), body), whole)
 
-    found = mesh_parts(told, Segmentation(boxes, owner, pure), reshape)
-    meshes |= dict(zip(shown, found, strict=True))
-    fragments = [k for k in range(len(layout)) if _is_fragment(meshes[k], layout, k)]
-    notes += tuple(
-        f"part {kept[k]} of the layout (confidence {layout.confidence[k]:.2f}) left out: voxels "
-        "show a fragment of it"
-        for k in fragments
-    )
-    meshes = {
-        new: meshes[k] for new, k in enumerate(k for k in sorted(meshes) if k not in fragments)
-    }
-    layout = _without(layout, fragments)
+def _parts(layout: Layout, meshes: list[trimesh.Trimesh]) -> tuple[Part, ...]:
+    """A layout's rows as parts, parents first."""
     order = topological_order(list(layout.parents))
     position = {old: new for new, old in enumerate(order)}
-    parts = tuple(
+    return tuple(
         Part(
             "base" if layout.parents[k] < 0 else f"link_{position[k]}",
             meshes[k],
@@ -240,8 +187,6 @@ def assemble_layout(
         )
         for k in order
     )
-    obj = ArticulatedObject(parts, scale, name, provenance=(*notes, *unfit), from_voxels=True)
-    return with_parts_joined(obj)
 
 
 def _kinds(
@@ -281,16 +226,21 @@ def _without(layout: Layout, left_out: list[int]) -> Layout:
         while parents[k] in left_out:
             parents[k] = parents[parents[k]]
     kept = [k for k in range(len(layout)) if k not in left_out]
-    position = {old: new for new, old in enumerate(kept)} | {-1: -1}
+    return _taken(dataclasses.replace(layout, parents=tuple(parents)), kept)
+
+
+def _taken(layout: Layout, rows: list[int]) -> Layout:
+    """Rows of a layout, in this order; all that hang on them hang on one of them."""
+    position = {old: new for new, old in enumerate(rows)} | {-1: -1}
     return Layout(
-        layout.boxes[kept],
-        tuple(layout.joints[k] for k in kept),
-        tuple(position[parents[k]] for k in kept),
-        layout.colors[kept],
-        layout.confidence[kept],
+        layout.boxes[rows],
+        tuple(layout.joints[k] for k in rows),
+        tuple(position[layout.parents[k]] for k in rows),
+        layout.colors[rows],
+        layout.confidence[rows],
         layout.camera,
         layout.legs,
         layout.panels,
-        tuple(layout.boards[k] for k in kept) if layout.boards else (),
-        tuple(layout.revolutions[k] for k in kept) if layout.revolutions else (),
+        tuple(layout.boards[k] for k in rows) if layout.boards else (),
+        tuple(layout.revolutions[k] for k in rows) if layout.revolutions else (),
     )

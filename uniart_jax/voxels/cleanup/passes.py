@@ -1,0 +1,160 @@
+"""The passes of this folder, one after the other, over the field of an object whose layout is
+known."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import trimesh
+
+from uniart_jax.objects.kinematics import Joint
+from uniart_jax.voxels.cleanup.clearance import with_meshes, with_room_to_move
+from uniart_jax.voxels.cleanup.drums import drums, with_drums
+from uniart_jax.voxels.cleanup.flat_faces import with_flat_faces
+from uniart_jax.voxels.cleanup.found_boards import with_boards
+from uniart_jax.voxels.cleanup.found_legs import with_legs
+from uniart_jax.voxels.cleanup.found_panels import with_panels
+from uniart_jax.voxels.cleanup.legs import with_whole_legs
+from uniart_jax.voxels.cleanup.loose_parts import with_lost_parts, without_floating_pieces
+from uniart_jax.voxels.cleanup.primitive_parts import in_front
+from uniart_jax.voxels.cleanup.rooms import with_clean_rooms
+from uniart_jax.voxels.cleanup.round_doors import round_doors, with_round_doors
+from uniart_jax.voxels.cleanup.solids_of_revolution import with_revolutions
+from uniart_jax.voxels.cleanup.trays import trays
+from uniart_jax.voxels.cleanup.walls import with_whole_walls
+from uniart_jax.voxels.closing import closing_of
+from uniart_jax.voxels.isosurface import DenseField
+from uniart_jax.voxels.layout import Layout
+from uniart_jax.voxels.opening_direction import still_parts
+from uniart_jax.voxels.revolution_table import Revolution
+
+
+@dataclasses.dataclass(frozen=True)
+class FieldParts:
+    """The parts of a field.
+
+    Attributes:
+      layout: a row for each id of the field's owners: first those that voxels show, then those that
+        are made of their boxes.
+      shown: how many voxels show.
+      numbers: [K] of each part, as notes have it.
+    """
+
+    layout: Layout
+    shown: int
+    numbers: list[int]
+
+    @property
+    def boxes(self) -> np.ndarray:
+        """[shown, 6] float32 centre and size, object units."""
+        return np.asarray(self.layout.boxes[: self.shown], np.float32)
+
+    @property
+    def joints(self) -> list[Joint]:
+        """[shown] of them."""
+        return list(self.layout.joints[: self.shown])
+
+    @property
+    def body(self) -> list[int]:
+        """Ids of what voxels show and does not move."""
+        still = still_parts(self.layout.parents, self.layout.joints)
+        return [k for k in still if k < self.shown]
+
+    @property
+    def boards(self) -> dict[int, np.ndarray]:
+        """Corners [N, 6] of the boards of each part that has any."""
+        told = dict(enumerate(self.layout.boards[: self.shown]))
+        return {k: own.boxes for k, own in told.items() if own is not None and len(own)}
+
+    @property
+    def revolutions(self) -> dict[int, Revolution]:
+        """Of each part that has one."""
+        told = dict(enumerate(self.layout.revolutions[: self.shown]))
+        return {k: own for k, own in told.items() if own is not None}
+
+
+def cleaned(
+    field: DenseField, parts: FieldParts, boxed: list[trimesh.Trimesh], flat: bool, room: bool
+) -> tuple[DenseField, list[trimesh.Trimesh], list[str]]:
+    """The field after all passes, the meshes of the parts that are made of their boxes, and notes
+    of what of the layout was not followed.
+
+    Args:
+      boxed: meshes of the parts after the ``shown`` first. flat, room: as in
+        ``voxels.follow.assemble_layout``.
+    """
+    drawn, told, moving = field, [], set(range(parts.shown)) - set(parts.body)
+    notes = [
+        f"boards of part {parts.numbers[k]} of the layout left out: it does not move"
+        for k in sorted(parts.boards.keys() - moving)
+    ]
+    if flat:
+        field, told = _with_shapes(field, parts)
+    field = with_lost_parts(field, drawn)
+    joints, count = parts.layout.joints, len(parts.layout)
+    boxed = [in_front(one, joints[parts.shown + k], field) for k, one in enumerate(boxed)]
+    field = whole = with_meshes(field, boxed, parts.shown)
+    field = without_floating_pieces(field, count, parts.body)
+    if room:
+        field = with_room_to_move(field, joints, parts.layout.parents)
+        field = without_floating_pieces(field, count, parts.body)
+    return with_lost_parts(field, whole), boxed, notes + told
+
+
+def _with_shapes(field: DenseField, parts: FieldParts) -> tuple[DenseField, list[str]]:
+    """Faces made flat, and boards, trays, legs, rooms, discs, drums and solids of revolution as the
+    layout or the voxels tell of them; notes of what of the layout was not followed."""
+    drawn, layout, boxes, joints, body = field, parts.layout, parts.boxes, parts.joints, parts.body
+    field = with_flat_faces(field, boxes, joints, layout.parents, body)
+    field = with_whole_walls(field, boxes, joints, body)
+    notes = []
+    if layout.panels is not None and len(layout.panels):
+        built = with_panels(field, body, layout.panels, layout.legs)
+        if built is None:
+            notes.append("panels of the layout left out: voxels show another body")
+        field = built or field
+    field, told, left = _with_boards_and_trays(field, parts)
+    notes += told
+    if layout.legs is None:
+        field = with_whole_legs(field, body)
+    else:
+        field = with_legs(field, body, layout.legs)
+    field = with_clean_rooms(field, boxes, layout.joints, layout.parents)
+    discs = round_doors(drawn, boxes, joints, body)
+    field = with_round_doors(field, discs, body)
+    turning = drums(field, boxes, joints, body)
+    field = with_drums(field, turning, body)
+    left -= {other.part for other in (*discs, *turning)}
+    outlines = {k: own for k, own in parts.revolutions.items() if k in left}
+    field, rounded = with_revolutions(field, drawn, boxes, outlines)
+    notes += [
+        f"revolution of part {parts.numbers[k]} of the layout left out: voxels show another shape"
+        for k in sorted(outlines.keys() - set(rounded))
+    ]
+    return field, notes
+
+
+def _with_boards_and_trays(
+    field: DenseField, parts: FieldParts
+) -> tuple[DenseField, list[str], set[int]]:
+    """Parts that move built of the layout's boards, racks made trays; notes, and ids of the parts
+    that are neither."""
+    layout, boxes, body = parts.layout, parts.boxes, parts.body
+    closed = closing_of(layout.joints, layout.boxes, layout.parents)
+    left, notes = set(range(parts.shown)), []
+    boards = {k: own for k, own in parts.boards.items() if k not in body}
+    if boards:
+        ajar = {k: closed[k] for k in boards if (closed[k] != np.eye(3, 4)).any()}
+        field, built = with_boards(field, boards, layout.joints, body, ajar)
+        left -= built
+        notes = [
+            f"boards of part {parts.numbers[k]} of the layout left out: voxels show another shape"
+            for k in sorted(boards.keys() - built)
+        ]
+    racks = trays(field, boxes, layout.joints, layout.parents, body, closed, left)
+    if racks:
+        field, _ = with_boards(field, racks, layout.joints, body, exact=True)
+        left -= racks.keys()
+        notes += [f"part {parts.numbers[k]} of the layout made a tray" for k in racks]
+    return field, notes, left
