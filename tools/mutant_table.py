@@ -235,9 +235,30 @@ MUTANTS = (
     Mutant(
         "uniart_jax/export/picture_colors.py",
         "FACING = (0.1, 0.35)",
-        "FACING = (0.15, 0.5)",
+        "FACING = (0.1, 0.5)",
         "tests/export/test_picture_colors.py"
         "::test_a_top_that_is_seen_at_a_low_angle_takes_the_pictures_colour",
+    ),
+    Mutant(
+        "uniart_jax/export/picture_colors.py",
+        "FACING = (0.1, 0.35)",
+        "FACING = (0.15, 0.35)",
+        "tests/export/test_picture_colors.py"
+        "::test_a_place_that_is_seen_at_a_cosine_of_an_eighth_is_believed_a_little",
+    ),
+    Mutant(
+        "uniart_jax/export/picture_colors.py",
+        "EDGE = 0.015",
+        "EDGE = 0.025",
+        "tests/export/test_picture_colors.py"
+        "::test_a_place_some_pixels_within_the_silhouette_is_believed",
+    ),
+    Mutant(
+        "uniart_jax/voxels/cleanup/align_open_parts.py",
+        "    moved, colored = np.ones(shape, np.float32)",
+        "    moved, colored = np.zeros(shape, np.float32)",
+        "tests/voxels/cleanup/test_align_open_parts.py"
+        "::test_a_part_that_does_not_turn_is_copied_as_it_would_be_interpolated",
     ),
     Mutant(
         "uniart_jax/export/picture_colors.py",

@@ -6,6 +6,7 @@ import dataclasses
 import numpy as np
 import pytest
 import trimesh
+from scipy import ndimage
 
 from uniart_jax.data.cameras import camera_codes
 from uniart_jax.export import picture_colors
@@ -113,19 +114,46 @@ def test_colours_come_from_the_picture_and_light_does_not(scene):
     assert np.median(off) < 0.1
 
 
-def test_a_top_that_is_seen_at_a_low_angle_takes_the_pictures_colour():
+def desk(elevation):
+    """A board, red on top and blue beside, its picture and the camera's code."""
     mesh = trimesh.creation.box((0.7, 0.7, 0.3))
     colors = np.where(mesh.face_normals[:, 2:] > 0.5, FRONT, SIDE)
     obj = ArticulatedObject((Part("desk", painted(mesh, colors), -1, Joint.fixed()),))
-    camera = fit(obj, Camera(0.5, 0.3, 35))
+    camera = fit(obj, Camera(0.5, elevation, 35))
     rgba = np.round(render(obj, camera, size=256, samples=4) * 255).astype(np.uint8)
     row = [[camera.azimuth, camera.elevation, camera.fov_degrees, camera.distance]]
-    picture = Picture.of(rgba, camera_codes(np.array(row), rgba[None])[0], size=256)
+    code = camera_codes(np.array(row), rgba[None])[0]
+    return obj, Picture.of(rgba, code, size=256), code
+
+
+def test_a_top_that_is_seen_at_a_low_angle_takes_the_pictures_colour():
+    obj, picture, _ = desk(0.3)
     points, normals, own, true = sampled(obj)
     found = paint(picture, obj, points, normals, own, np.full_like(true, 0.5).__getitem__)
     top = (normals[:, 2] > 0.5) & (np.abs(points[:, :2]).max(1) < 0.25)  # away from its edges
     off = np.abs(linear_to_srgb(found[top]) - linear_to_srgb(FRONT)).mean(-1)
     assert np.median(off) < 0.05
+
+
+def test_a_place_that_is_seen_at_a_cosine_of_an_eighth_is_believed_a_little():
+    obj, picture, code = desk(0.21)
+    points, normals, _, _ = sampled(obj, 20_000)
+    towards = camera_position(code) - points
+    cosine = (normals * towards).sum(-1) / np.linalg.norm(towards, axis=-1)
+    top = (normals[:, 2] > 0.5) & (np.abs(points[:, :2]).max(1) < 0.25)
+    some = top & (cosine > 0.115) & (cosine < 0.145)
+    _, belief = look(picture, obj, points, normals)
+    assert some.sum() > 50 and (belief[some] > 0).all()
+
+
+def test_a_place_some_pixels_within_the_silhouette_is_believed():
+    obj, picture, code = desk(0.3)
+    points, normals, _, _ = sampled(obj, 20_000)
+    at = ((project(code, points) + 1) * (len(picture.depth) / 2) - 0.5)[:, ::-1].T
+    within = ndimage.map_coordinates(picture.depth, at, order=1)
+    some = (normals[:, 0] < -0.5) & (within > 0.016) & (within < 0.022)
+    _, belief = look(picture, obj, points, normals)
+    assert some.sum() > 50 and np.median(belief[some]) == 1
 
 
 def test_a_picture_of_nothing_changes_nothing(scene):

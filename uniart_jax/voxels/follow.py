@@ -88,7 +88,8 @@ def assemble_layout(
     if len(grid.coords) == 0:
         raise ValueError("assemble: the voxel grid is empty; nothing was generated")
     chosen = _chosen_rows(_finite(grid), layout)
-    layout, rows, numbers = chosen.layout, [*chosen.shown, *chosen.boxed], chosen.numbers
+    layout, numbers = chosen.layout, chosen.numbers
+    rows = [*chosen.shown, *chosen.boxed]  # of the field's owners
     parts = FieldParts(_taken(layout, rows), len(chosen.shown), [numbers[row] for row in rows])
     boxed = _primitive_meshes(layout, chosen.boxed, 1 / (grid.resolution * grid.subdivisions))
     unfollowed: list[str] = []
@@ -122,10 +123,11 @@ class _Chosen:
     """Which rows of a layout become parts, and how.
 
     Attributes:
-      grid: without what voxels show of the others. layout: the rows that become parts, of which
-        voxels show ``shown`` and ``boxed`` are made of their boxes. numbers: their rows in the
-        layout before. owner: [V, r^3] which of ``shown`` each sub-cell joins. notes: of rows that
-        are left out or made of their boxes.
+      grid: solid sub-cells of rows made of boxes, too small or found twice are outside in it.
+      layout: [K] rows that become parts; voxels show ``shown``, ``boxed`` are made of their boxes.
+      numbers: [K] their rows in the layout that was given.
+      owner: [V, r^3] int16, index into ``shown`` that each sub-cell joins.
+      notes: of rows that are left out or made of their boxes.
     """
 
     grid: VoxelGrid
@@ -138,6 +140,7 @@ class _Chosen:
 
 
 def _chosen_rows(grid: VoxelGrid, layout: Layout) -> _Chosen:
+    """The rows of a layout that become parts of a finite grid."""
     owner = row_of_subcells(grid, layout.boxes)
     inside = np.asarray(grid.sdf) < 0
     solid = np.bincount(owner[inside], minlength=len(layout))
@@ -166,7 +169,8 @@ def _chosen_rows(grid: VoxelGrid, layout: Layout) -> _Chosen:
 
 
 def _primitive_meshes(layout: Layout, rows: list[int], cell: float) -> list[trimesh.Trimesh]:
-    """Rows of a layout that are made of their boxes; ``cell``: a sub-cell's side, object units."""
+    """Meshes of rows of a layout, made of their boxes; ``cell``: side of a sub-cell, object
+    units."""
     fitting = side_by_side(layout.boxes[rows], [layout.joints[k] for k in rows])
     return [
         primitive_part(box, layout.joints[k], layout.colors[k], cell)
@@ -175,7 +179,7 @@ def _primitive_meshes(layout: Layout, rows: list[int], cell: float) -> list[trim
 
 
 def _parts(layout: Layout, meshes: list[trimesh.Trimesh]) -> tuple[Part, ...]:
-    """A layout's rows as parts, parents first."""
+    """A layout's rows with their meshes [K] as parts, parents first."""
     order = topological_order(list(layout.parents))
     position = {old: new for new, old in enumerate(order)}
     return tuple(
@@ -230,7 +234,7 @@ def _without(layout: Layout, left_out: list[int]) -> Layout:
 
 
 def _taken(layout: Layout, rows: list[int]) -> Layout:
-    """Rows of a layout, in this order; all that hang on them hang on one of them."""
+    """Rows of a layout, in this order; the parent of each is one of them, or -1."""
     position = {old: new for new, old in enumerate(rows)} | {-1: -1}
     return Layout(
         layout.boxes[rows],

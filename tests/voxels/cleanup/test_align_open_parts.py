@@ -291,3 +291,18 @@ def test_the_helper_of_these_tests_opens_doors_outwards():
     assert 22 < AT[0][distance < 0].min() < 24
     assert (distance < 0).sum() == pytest.approx(4 * 36 * 40, rel=0.05)
     np.testing.assert_allclose(box[3:], [22 / N, 34 / N, 40 / N], atol=0.04)
+
+
+def test_a_part_that_does_not_turn_is_copied_as_it_would_be_interpolated():
+    rng = np.random.default_rng(0)
+    phi = rng.uniform(-1, 1, (7, 6, 5)).astype(np.float32)
+    source = rng.integers(-1, 50, phi.shape).astype(np.int32)
+    phi[:2], source[:2] = 1, -1  # the new window begins within the old one
+    moved = np.eye(4)
+    moved[:3, 3] = 3, -2, 1  # whole cells: interpolated, to the same values
+    for room in (1, 4):
+        still = resampled(phi, source, np.array([5, 6, 7]), np.eye(4), room)
+        other = resampled(phi, source, np.array([5, 6, 7]), moved, room)
+        np.testing.assert_allclose(still[0], other[0], atol=1e-6)
+        np.testing.assert_array_equal(still[1], other[1])
+        np.testing.assert_array_equal(still[2] + [3, -2, 1], other[2])

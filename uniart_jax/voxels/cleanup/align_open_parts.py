@@ -242,6 +242,8 @@ def resampled(
     there = cells @ motion[:3, :3].T + motion[:3, 3]
     first = np.floor(there.min(0)).astype(int) - room
     shape = np.ceil(there.max(0)).astype(int) + room + 1 - first
+    if (motion == np.eye(4)).all():
+        return *_reframed(phi, source, low - first, shape), first
     back = np.linalg.inv(motion)
     places = np.indices(shape).reshape(3, -1).T + first
     at = (places @ back[:3, :3].T + back[:3, 3] - low).T
@@ -250,3 +252,17 @@ def resampled(
     found = np.clip(np.rint(at).astype(int), 0, np.array(phi.shape)[:, None] - 1)
     colored = source[tuple(found)].reshape(shape)
     return moved.astype(np.float32), np.where(moved < 1, colored, -1), first
+
+
+def _reframed(
+    phi: np.ndarray, source: np.ndarray, start: np.ndarray, shape: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Distances and sources in a window of another shape, in which the old one begins at
+    ``start``; 1 and -1 beyond it."""
+    first, last = np.maximum(start, 0), np.minimum(start + phi.shape, shape)
+    into = tuple(slice(a, b) for a, b in zip(first, last, strict=True))
+    of = tuple(slice(a, b) for a, b in zip(first - start, last - start, strict=True))
+    moved, colored = np.ones(shape, np.float32), np.full(shape, -1, source.dtype)
+    moved[into] = np.where(np.abs(phi[of]) < ZERO, -ZERO, phi[of])
+    colored[into] = np.where(phi[of] < 1, source[of], -1)
+    return moved, colored

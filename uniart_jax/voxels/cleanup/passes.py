@@ -32,13 +32,13 @@ from uniart_jax.voxels.revolution_table import Revolution
 
 @dataclasses.dataclass(frozen=True)
 class FieldParts:
-    """The parts of a field.
+    """Parts of an object whose field is cleaned. An id is an owner in the field (``DenseField``).
 
     Attributes:
-      layout: a row for each id of the field's owners: first those that voxels show, then those that
-        are made of their boxes.
-      shown: how many voxels show.
-      numbers: [K] of each part, as notes have it.
+      layout: row k is the part with id k: first those that voxels show, then those that are made of
+        their boxes; parents are ids.
+      shown: how many of them voxels show.
+      numbers: [K] rows of the parts in the layout that was given, which notes name.
     """
 
     layout: Layout
@@ -52,24 +52,24 @@ class FieldParts:
 
     @property
     def joints(self) -> list[Joint]:
-        """[shown] of them."""
+        """[shown] joints of what voxels show."""
         return list(self.layout.joints[: self.shown])
 
     @property
     def body(self) -> list[int]:
-        """Ids of what voxels show and does not move."""
+        """Ids of parts that voxels show and no joint moves."""
         still = still_parts(self.layout.parents, self.layout.joints)
         return [k for k in still if k < self.shown]
 
     @property
     def boards(self) -> dict[int, np.ndarray]:
-        """Corners [N, 6] of the boards of each part that has any."""
+        """By id, lower and upper corners [N, 6] of a part's boards, object units."""
         told = dict(enumerate(self.layout.boards[: self.shown]))
         return {k: own.boxes for k, own in told.items() if own is not None and len(own)}
 
     @property
     def revolutions(self) -> dict[int, Revolution]:
-        """Of each part that has one."""
+        """By id, the outline of each part that has one."""
         told = dict(enumerate(self.layout.revolutions[: self.shown]))
         return {k: own for k, own in told.items() if own is not None}
 
@@ -77,17 +77,18 @@ class FieldParts:
 def cleaned(
     field: DenseField, parts: FieldParts, boxed: list[trimesh.Trimesh], flat: bool, room: bool
 ) -> tuple[DenseField, list[trimesh.Trimesh], list[str]]:
-    """The field after all passes, the meshes of the parts that are made of their boxes, and notes
-    of what of the layout was not followed.
+    """The field after the passes, the meshes of the parts that are made of their boxes, and notes
+    of where the layout was not followed, or a part was made a tray.
 
     Args:
-      boxed: meshes of the parts after the ``shown`` first. flat, room: as in
-        ``voxels.follow.assemble_layout``.
+      boxed: [K - shown] meshes of the parts that are made of their boxes, object units, in the
+        order of their ids. flat, room: as in ``voxels.follow.assemble_layout``.
     """
-    drawn, told, moving = field, [], set(range(parts.shown)) - set(parts.body)
+    drawn, told = field, []
     notes = [
         f"boards of part {parts.numbers[k]} of the layout left out: it does not move"
-        for k in sorted(parts.boards.keys() - moving)
+        for k in parts.boards
+        if k in parts.body
     ]
     if flat:
         field, told = _with_shapes(field, parts)
