@@ -29,7 +29,7 @@ from uniart_jax.visual.render import build_scene, light_on, occluded
 from uniart_jax.voxels.camera_code import camera_position, project
 
 SIZE = 512  # pixels a side that a picture is cropped to
-FACING = (0.1, 0.35)  # cosines of normal and way to the camera: believed from, and fully from
+FACING = (0.1, 0.35)  # cosine of normal and way to the camera: believed from, fully from
 EDGE = 0.015  # of the picture's side, from the silhouette, over which it comes to be believed
 OFFSET = 0.004  # object units, of rays to the camera from the surface they leave
 SEEN = 0.5  # belief of places that others take their colour from

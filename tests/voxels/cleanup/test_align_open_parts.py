@@ -298,6 +298,8 @@ def test_a_part_that_does_not_turn_is_copied_as_it_would_be_interpolated():
     phi = rng.uniform(-1, 1, (7, 6, 5)).astype(np.float32)
     source = rng.integers(-1, 50, phi.shape).astype(np.int32)
     phi[:2], source[:2] = 1, -1  # the new window begins within the old one
+    phi[3, 3, 3] = 0  # becomes just inside
+    phi[4, 2, 2] = 1  # outside: has no source
     moved = np.eye(4)
     moved[:3, 3] = 3, -2, 1  # whole cells: interpolated, to the same values
     for room in (1, 4):

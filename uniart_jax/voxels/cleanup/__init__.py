@@ -1,5 +1,5 @@
-"""Passes over what networks draw. ``voxels.follow`` calls the first and the last,
-``passes.cleaned`` all others, in this order:
+"""Passes over what networks draw. ``voxels.follow`` makes the parts of the first and calls the
+last, ``passes.cleaned`` calls all between, in this order:
 
     primitive_parts  parts that voxels are too coarse for are made of their boxes
     flat_faces       nearly flat faces are made flat; doors become whole plates
