@@ -34,6 +34,15 @@ def painted(mesh, colors):
     )
 
 
+def pictured(obj, elevation, size):
+    """A picture of an object, and its camera's code."""
+    camera = fit(obj, Camera(0.5, elevation, 35))
+    rgba = np.round(render(obj, camera, size=size, samples=4) * 255).astype(np.uint8)
+    row = [[camera.azimuth, camera.elevation, camera.fov_degrees, camera.distance]]
+    code = camera_codes(np.array(row), rgba[None])[0]
+    return Picture.of(rgba, code, size=size), code
+
+
 @pytest.fixture(scope="module")
 def scene():
     """A box, red in front (-x) and blue beside, before the middle of a green panel."""
@@ -47,11 +56,7 @@ def scene():
         Part("box", painted(box, colors), 0, Joint.fixed()),
     )
     obj = ArticulatedObject(parts)
-    camera = fit(obj, Camera(0.5, 0.4, 35))
-    rgba = np.round(render(obj, camera, size=128, samples=4) * 255).astype(np.uint8)
-    row = [[camera.azimuth, camera.elevation, camera.fov_degrees, camera.distance]]
-    code = camera_codes(np.array(row), rgba[None])[0]
-    return obj, Picture.of(rgba, code, size=128), code
+    return obj, *pictured(obj, 0.4, 128)
 
 
 def test_projection_is_the_networks():
@@ -119,11 +124,7 @@ def desk(elevation):
     mesh = trimesh.creation.box((0.7, 0.7, 0.3))
     colors = np.where(mesh.face_normals[:, 2:] > 0.5, FRONT, SIDE)
     obj = ArticulatedObject((Part("desk", painted(mesh, colors), -1, Joint.fixed()),))
-    camera = fit(obj, Camera(0.5, elevation, 35))
-    rgba = np.round(render(obj, camera, size=256, samples=4) * 255).astype(np.uint8)
-    row = [[camera.azimuth, camera.elevation, camera.fov_degrees, camera.distance]]
-    code = camera_codes(np.array(row), rgba[None])[0]
-    return obj, Picture.of(rgba, code, size=256), code
+    return obj, *pictured(obj, elevation, 256)
 
 
 def test_a_top_that_is_seen_at_a_low_angle_takes_the_pictures_colour():

@@ -84,11 +84,11 @@ def cleaned(
       boxed: [K - shown] meshes of the parts that are made of their boxes, object units, in the
         order of their ids. flat, room: as in ``voxels.follow.assemble_layout``.
     """
-    drawn, told = field, []
+    drawn, told, body = field, [], parts.body
     notes = [
         f"boards of part {parts.numbers[k]} of the layout left out: it does not move"
         for k in parts.boards
-        if k in parts.body
+        if k in body
     ]
     if flat:
         field, told = _with_shapes(field, parts)
@@ -96,16 +96,16 @@ def cleaned(
     joints, count = parts.layout.joints, len(parts.layout)
     boxed = [in_front(one, joints[parts.shown + k], field) for k, one in enumerate(boxed)]
     field = whole = with_meshes(field, boxed, parts.shown)
-    field = without_floating_pieces(field, count, parts.body)
+    field = without_floating_pieces(field, count, body)
     if room:
         field = with_room_to_move(field, joints, parts.layout.parents)
-        field = without_floating_pieces(field, count, parts.body)
+        field = without_floating_pieces(field, count, body)
     return with_lost_parts(field, whole), boxed, notes + told
 
 
 def _with_shapes(field: DenseField, parts: FieldParts) -> tuple[DenseField, list[str]]:
     """Faces made flat, and boards, trays, legs, rooms, discs, drums and solids of revolution as the
-    layout or the voxels tell of them; notes of what of the layout was not followed."""
+    layout or the voxels tell of them; notes as in ``cleaned``."""
     drawn, layout, boxes, joints, body = field, parts.layout, parts.boxes, parts.joints, parts.body
     field = with_flat_faces(field, boxes, joints, layout.parents, body)
     field = with_whole_walls(field, boxes, joints, body)
