@@ -78,6 +78,17 @@ def test_half_of_the_household_is_of_everyday_things_and_a_sixth_of_each_of_the_
     assert sum(counts.values()) == len(world)
 
 
+def test_an_eighth_and_a_little_more_of_the_open_world_is_assemblies_and_half_everyday_things():
+    world = WORLDS["open"]
+    counts = Counter(world)
+    for names, share in ((EVERYDAY_FAMILIES, 4), (SEEN_FAMILIES, 1), (DETAILED_FAMILIES, 1)):
+        assert {8 * len(names) * counts[name] for name in names} == {share * len(world)}
+    others = {counts[name] for name in MORE_FAMILIES if name != "assemblies"}
+    assert others == {len(world) // 8 // len(MORE_FAMILIES)}
+    assert counts["assemblies"] == len(world) // 8 + len(world) // 8 // len(MORE_FAMILIES)
+    assert sum(counts.values()) == len(world)
+
+
 def test_every_joint_type_and_trees_three_deep():
     found, deepest = set(), 0
     for seed in range(HELD_OUT_SEED, HELD_OUT_SEED + 60):

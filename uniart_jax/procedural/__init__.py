@@ -15,8 +15,9 @@ leaves the objects of the other families as they are, since names seed the gener
 What a training draws from is a *world*, a tuple of families taken in turn or at random, of
 ``WORLDS``: "seven"; "wide", in which half of the objects are of the seven and half, evenly, of
 ``MORE_FAMILIES``; "detailed", in which a third is of each of these and of ``DETAILED_FAMILIES``;
-"everyday", in which a quarter is of each of these three and of ``EVERYDAY_FAMILIES``; or
-"household", in which half is of ``EVERYDAY_FAMILIES`` and a sixth of each of the others.
+"everyday", in which a quarter is of each of these three and of ``EVERYDAY_FAMILIES``;
+"household", in which half is of ``EVERYDAY_FAMILIES`` and a sixth of each of the others; or "open",
+the same with eighths, the fourth of them of ``assemblies``, which look like nothing in particular.
 """
 
 from __future__ import annotations
@@ -113,6 +114,12 @@ WORLDS: dict[str, tuple[str, ...]] = {
         *(SEEN_FAMILIES, EVERYDAY_FAMILIES),
         *(MORE_FAMILIES, EVERYDAY_FAMILIES),
         *(DETAILED_FAMILIES, EVERYDAY_FAMILIES),
+    ),
+    "open": _in_turn(
+        *(SEEN_FAMILIES, EVERYDAY_FAMILIES),
+        *(MORE_FAMILIES, EVERYDAY_FAMILIES),
+        *(DETAILED_FAMILIES, EVERYDAY_FAMILIES),
+        *(("assemblies",), EVERYDAY_FAMILIES),
     ),
 }
 HELD_OUT_SEED = 1_000_000
