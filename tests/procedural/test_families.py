@@ -164,6 +164,13 @@ def test_fronts_that_do_not_fit_inside_their_bays_lie_on_the_case():
     assert 0.3 * body[1] < door[1] < 0.5 * body[1]  # one of two columns
 
 
+@pytest.mark.parametrize(
+    ("family", "seed"), [("cooker", 10_102_870), ("folding_chair", 10_104_546)]
+)
+def test_an_object_whose_measures_leave_no_room_for_a_part_is_drawn_again(family, seed):
+    check_closed(generate(family, seed), family)
+
+
 def test_unknown_family_and_negative_seed():
     with pytest.raises(ValueError, match="no family 'sofa'"):
         generate("sofa", 0)

@@ -154,13 +154,20 @@ def generate(family: str, seed: int) -> ArticulatedObject:
     folder = "procedural.everyday" if family in EVERYDAY_FAMILIES else "procedural"
     module = importlib.import_module(f"uniart_jax.{folder}.{family}")
     rng = np.random.default_rng([seed, zlib.crc32(family.encode())])
+    failed: ValueError | None = None
     for _ in range(
         _ATTEMPTS
     ):  # the generator moves on, so a redraw is another object and still a function of the seed
-        obj = module.build(rng).normalized()
+        try:
+            obj = module.build(rng).normalized()
+        except ValueError as error:  # its measures leave no room for a part
+            failed = error
+            continue
         if len(obj.parts) <= MAX_PARTS and box_separation(obj) > BOX_SEPARATION:
             return dataclasses.replace(obj, name=f"{family}-{seed}", category=family)
-    raise ValueError(f"procedural: family '{family}' gave no sound object at seed {seed}")
+    raise ValueError(
+        f"procedural: family '{family}' gave no sound object at seed {seed}"
+    ) from failed
 
 
 def draw(seed: int, families: tuple[str, ...] = SEEN_FAMILIES) -> ArticulatedObject:
