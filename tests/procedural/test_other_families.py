@@ -4,12 +4,14 @@ parts that survive the voxels."""
 from __future__ import annotations
 
 from collections import Counter
+from typing import get_args
 
 import numpy as np
 import pytest
 from overlaps import check_clear, check_closed
 
 from uniart_jax import procedural
+from uniart_jax.config import World
 from uniart_jax.procedural import (
     DETAILED_FAMILIES,
     EVERYDAY_FAMILIES,
@@ -76,6 +78,10 @@ def test_half_of_the_household_is_of_everyday_things_and_a_sixth_of_each_of_the_
     ):
         assert {6 * len(names) * counts[name] for name in names} == {share * len(world)}
     assert sum(counts.values()) == len(world)
+
+
+def test_a_config_and_the_command_line_know_every_world():
+    assert set(get_args(World)) == set(WORLDS)
 
 
 def test_an_eighth_and_a_little_more_of_the_open_world_is_assemblies_and_half_everyday_things():

@@ -13,6 +13,7 @@ from typing import Annotated, Literal
 import tyro
 
 from uniart_jax.cli.arguments import Out, Overwrite, check_out, shard_numbers
+from uniart_jax.config import World
 
 
 def prepare(
@@ -28,7 +29,7 @@ def prepare(
     start_seed: int = 0,
     first_block: int = 0,
     families: tuple[str, ...] | None = None,
-    world: Literal["seven", "wide", "detailed", "everyday", "household"] = "seven",
+    world: World = "seven",
     resolution: int = 32,
     subdivisions: int = 4,
     max_parts: int = 16,
@@ -71,7 +72,8 @@ def prepare(
         world: procedural, layouts: "seven": the paper's seven seen categories. "wide": half of the
           objects are of those, half of the other families that are trained on. "detailed": a third
           of each and of families as varied as real furniture. "everyday": a quarter of each of
-          these and of other things of a household; "household": half of those (docs/data.md).
+          these and of other things of a household; "household": half of those; "open": an eighth
+          of random assemblies too (docs/data.md).
         resolution: Voxels a side.
         subdivisions: Sub-cells a voxel side.
         max_parts: Objects with more parts are left out.

@@ -16,7 +16,7 @@ import sys
 import types
 from pathlib import Path
 
-from uniart_jax.config.data import Background, DataConfig
+from uniart_jax.config.data import Background, DataConfig, World
 from uniart_jax.config.json_text import from_json, to_json
 from uniart_jax.config.networks import (
     IMAGE_ENCODERS,
@@ -70,6 +70,7 @@ __all__ = [
     "StructureSampleConfig",
     "StructureVAEConfig",
     "UniArtVAEConfig",
+    "World",
     "from_json",
     "load_config",
     "to_json",

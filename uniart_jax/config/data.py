@@ -6,6 +6,7 @@ import dataclasses
 from typing import Literal
 
 Background = Literal["auto", "keep", "rembg"]  # how an object is cut out (data.background)
+World = Literal["seven", "wide", "detailed", "everyday", "household", "open"]  # procedural.WORLDS
 
 
 @dataclasses.dataclass(frozen=True)
@@ -25,7 +26,7 @@ class DataConfig:
     validation_split: str = ""
     procedural: int = 0  # objects to prepare in ``records`` where it is not there yet
     # families of those and of ``layouts``
-    world: Literal["seven", "wide", "detailed", "everyday", "household"] = "seven"
+    world: World = "seven"
     views: int = 2  # images of each
     # flows: images of an item that a step shows at once (the supplement's multi-view model); the
     # records must have as many
