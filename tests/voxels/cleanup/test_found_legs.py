@@ -123,6 +123,25 @@ def test_their_upper_end_is_where_the_body_begins():
     np.testing.assert_array_equal(solid_of(after, 0)[:, :, 41:], solid_of(lower_body, 0)[:, :, 41:])
 
 
+def test_what_flares_below_the_body_goes_where_legs_are_told_at_different_heights():
+    """Two are told much too short, so the body begins far above the median of their ends."""
+    heights = np.stack([place_of((LOW, top)) for top in (30.3, 31.3, 38.3, 38.8)])
+    flares = [block((x - 1, y - 1, 38.3), (x + 7, y + 7, HIGH + 1)) for x, y in CORNERS]
+    field = field_of(np.minimum(drawn(), np.min(flares, 0)))
+    after = solid_of(with_legs(field, [0], dataclasses.replace(FOUR, heights=heights)), 0)
+    ideal = solid_of(field_of(drawn()), 0)
+    np.testing.assert_array_equal(below(after), below(ideal))
+
+
+def test_an_apron_below_a_larger_top_is_where_the_body_begins():
+    board = block((9.3, 9.3, 34.3), (57.3, 57.3, 37.3))
+    walls = [block((9.3, y, 34.3), (57.3, y + 2, HIGH + 1)) for y in (9.3, 55.3)]
+    field = field_of(np.min([drawn(), board, *walls], 0))
+    heights = np.tile(place_of((LOW, 41.3)), (4, 1))
+    after = with_legs(field, [0], dataclasses.replace(FOUR, heights=heights))
+    np.testing.assert_array_equal(solid_of(after, 0)[:, :, 36:], solid_of(field, 0)[:, :, 36:])
+
+
 def test_a_rail_between_legs_stays_where_legs_are_not_alone():
     rail = block((12.3, 12.3, 20.3), (54.3, 14.3, 23.3))
     rubble = block((17.3, 17.3, 30.3), (19.3, 19.3, 33.3))  # beside a leg

@@ -19,9 +19,10 @@ from uniart_jax.voxels.leg_table import Legs
 LEVEL = 0.03  # object units; ends that differ by less from the median are at one height
 NEAR = 5  # sub-cells from a prism within which what else is drawn of the body is the leg's
 FARTHEST = 3.0  # sub-cells, to which distances are cut off
-SEARCH = 0.06  # object units to both sides of its height, within which a leg's upper end is sought
+SEARCH = 0.1  # object units beyond the legs' upper ends, within which these are sought
 LOWEST = 3  # layers above the floor, from which on it is
 JUMP = 0.15  # share of the body's rectangle by which its cells grow there
+FIRST = 0.8  # share of the largest growth that the first is at least
 REACH = 0.3  # object units above, within which the body covers a leg that goes on
 CARRIED = 0.2  # share of the body above legs at least, for the rest below to be taken away
 COVERED = 0.6  # share of a leg that is the body's there
@@ -89,7 +90,9 @@ class Prisms:
         feet, tops = (_cells(_levelled(ends), self.size) for ends in legs.heights.T)
         told, foot = float(np.median(tops)), float(np.median(feet))
         self.feet = np.clip(feet, 1, self.size)
-        self.tops = np.clip(tops + _upper_end(solid, foot, told, self.size) - told, 1, self.size)
+        end = _upper_end(solid, foot, tops, self.size)
+        moved = tops if end is None else np.minimum(tops + end - told, end)
+        self.tops = np.clip(moved, 1, self.size)
         self._shift = np.zeros((len(legs), 2))
         self._shift = self._under(solid)
 
@@ -180,7 +183,7 @@ def _go_on(
 ) -> None:
     """Fill a leg from its upper end up to where the body covers it, in place; not at all where it
     does not within ``REACH``."""
-    last = int(np.ceil(prisms.tops[leg]))
+    last = int(np.floor(prisms.tops[leg])) + 1
     layers = []
     for z in range(last, min(last + int(REACH * prisms.size), prisms.size + 1)):
         distance = prisms.at(z, beyond=True)[leg]
@@ -203,16 +206,21 @@ def _cells(places: Any, size: int) -> Any:
     return (places + 0.5) * size + 0.5
 
 
-def _upper_end(solid: np.ndarray, foot: float, told: float, size: int) -> float:
-    """Where, about layer ``told``, the body begins: where its cells grow most, above its lowest
-    layers, in which a network may draw it although it stands on legs."""
+def _upper_end(solid: np.ndarray, foot: float, tops: np.ndarray, size: int) -> float | None:
+    """Where, about the layers ``tops`` [N], the body begins: where its cells first grow much, above
+    its lowest layers, in which a network may draw it although it stands on legs. None where that
+    cannot be told."""
     count = solid.sum((0, 1)).astype(float)
     window = ndimage.find_objects(solid.astype(np.int8))[0]
     area = solid[window].shape[0] * solid[window].shape[1]
-    first = max(int(told - SEARCH * size), int(np.ceil(foot)) + LOWEST, 2)
-    at = np.arange(first, min(int(told + SEARCH * size), size - 2))
+    first = max(int(tops.min() - SEARCH * size), int(np.ceil(foot)) + LOWEST, 2)
+    at = np.arange(first, min(int(tops.max() + SEARCH * size), size - 2))
     if not len(at):
-        return told
+        return None
     grown = np.array([count[z : z + 2].mean() - count[z - 2 : z].mean() for z in at])
-    best = int(grown.argmax())
-    return at[best] - 0.5 if grown[best] > JUMP * area else told
+    clear = grown > max(JUMP * area, FIRST * float(grown.max()))
+    if not clear.any():
+        return None
+    begin = int(clear.argmax())
+    stop = begin + int(np.append(~clear[begin:], True).argmax())
+    return at[begin + int(grown[begin:stop].argmax())] - 0.5
