@@ -142,6 +142,16 @@ def test_an_apron_below_a_larger_top_is_where_the_body_begins():
     np.testing.assert_array_equal(solid_of(after, 0)[:, :, 36:], solid_of(field, 0)[:, :, 36:])
 
 
+def test_a_board_within_a_body_that_is_drawn_to_the_floor_is_not_where_it_begins():
+    walls = [block((8.3, y, LOW), (58.3, y + 7, HIGH)) for y in (8.3, 51.3)]
+    board = block((8.3, 8.3, 19.3), (58.3, 58.3, 22.3))
+    field = field_of(np.min([TOP, board, *walls], 0))
+    legs = legs_at([(x, y) for x in (10.3, 44.3) for y in (10.3, 44.3)], 12.0)
+    heights = np.tile(place_of((LOW, 14.3)), (4, 1))
+    after = with_legs(field, [0], dataclasses.replace(legs, heights=heights))
+    assert (solid_of(after, 0) >= solid_of(field, 0))[:, :, 17:].all()
+
+
 def test_a_rail_between_legs_stays_where_legs_are_not_alone():
     rail = block((12.3, 12.3, 20.3), (54.3, 14.3, 23.3))
     rubble = block((17.3, 17.3, 30.3), (19.3, 19.3, 33.3))  # beside a leg

@@ -23,6 +23,8 @@ SEARCH = 0.1  # object units beyond the legs' upper ends, within which these are
 LOWEST = 3  # layers above the floor, from which on it is
 JUMP = 0.15  # share of the body's rectangle by which its cells grow there
 FIRST = 0.8  # share of the largest growth that the first is at least
+CLOSE = 0.07  # object units from the median upper end, beyond which
+FEW = 0.25  # is the share of its cells that are below there, at most; more is a board within it
 REACH = 0.3  # object units above, within which the body covers a leg that goes on
 CARRIED = 0.2  # share of the body above legs at least, for the rest below to be taken away
 COVERED = 0.6  # share of a leg that is the body's there
@@ -217,7 +219,9 @@ def _upper_end(solid: np.ndarray, foot: float, tops: np.ndarray, size: int) -> f
     at = np.arange(first, min(int(tops.max() + SEARCH * size), size - 2))
     if not len(at):
         return None
-    grown = np.array([count[z : z + 2].mean() - count[z - 2 : z].mean() for z in at])
+    before, after = (np.array([count[z + d : z + d + 2].mean() for z in at]) for d in (-2, 0))
+    far = np.abs(at - np.median(tops)) > CLOSE * size
+    grown = np.where(far & (before > FEW * after), 0, after - before)
     clear = grown > max(JUMP * area, FIRST * float(grown.max()))
     if not clear.any():
         return None
