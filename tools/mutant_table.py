@@ -121,6 +121,24 @@ MUTANTS = (
     ),
     Mutant(
         "uniart_jax/voxels/cleanup/found_legs.py",
+        "far & (before > FEW * after)",
+        "far & (before > 9 * after)",
+        "tests/voxels/cleanup/test_found_legs.py::test_a_board_within_a_body_that_is_drawn_to_the_floor_is_not_where_it_begins",
+    ),
+    Mutant(
+        "uniart_jax/voxels/cleanup/found_legs.py",
+        "np.minimum(tops + end - told, end)",
+        "tops + end - told",
+        "tests/voxels/cleanup/test_found_legs.py::test_what_flares_below_the_body_goes_where_legs_are_told_at_different_heights",
+    ),
+    Mutant(
+        "uniart_jax/inference/certainty.py",
+        "(values * weights).sum() / (weights.sum() + 1e-6)",
+        "values.mean()",
+        "tests/inference/test_certainty.py::test_rows_that_do_not_exist_hardly_count",
+    ),
+    Mutant(
+        "uniart_jax/voxels/cleanup/found_legs.py",
         "    alone = alone and not _on_others(",
         "    alone = alone or _on_others(",
         "tests/voxels/cleanup/test_found_legs.py::test_plates_that_are_drawn_in_their_stead_stay",

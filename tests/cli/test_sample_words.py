@@ -81,6 +81,19 @@ def test_the_kind_is_that_of_the_layout_that_was_found(tmp_path):
     assert one(cooker()).kind == kind_of(Layout.of_object(cooker()))  # where none was found
 
 
+@pytest.mark.parametrize(("sure", "low"), [(0.81, False), (0.2, True)])
+def test_how_sure_the_parts_are(tmp_path, sure, low):
+    made = one(cooker())
+    assert "certainty" not in details([made], 0)
+    assert not [line for line in lines("x.png", made, tmp_path, []) if "certainty" in line]
+    layout = dataclasses.replace(Layout.of_object(cooker()), certainty=sure)
+    made = dataclasses.replace(made, layout=layout)
+    assert details([made], 0)["certainty"] == sure
+    said = [line for line in lines("x.png", made, tmp_path, []) if "certainty" in line]
+    assert len(said) == 1 and f"certainty {sure:.2f}" in said[0]
+    assert ("low" in said[0]) == low
+
+
 @pytest.mark.parametrize(("ways", "said"), [(("alpha", "plain"), False), (("grabcut",), True)])
 def test_how_the_object_was_cut_out(tmp_path, ways, said):
     made = [one(cooker(), ways)]

@@ -246,7 +246,9 @@ def test_json_round_trip():
     assert again.parents == layout.parents
     assert [j.type for j in again.joints] == [j.type for j in layout.joints]
     assert np.allclose(again.colors, layout.colors, atol=1e-4)
-    assert again.legs is None
+    assert again.legs is None and again.certainty is None
+    sure = Layout.from_json(dataclasses.replace(layout, certainty=0.625).to_json())
+    assert sure.certainty == 0.625 and "certainty 0.62" in repr(sure)
     legs = legs_of(procedural.generate("table", 5))
     with_legs = Layout.from_json(dataclasses.replace(layout, legs=legs).to_json())
     assert len(legs) and np.allclose(with_legs.legs.lower, legs.lower, atol=1e-5)
@@ -304,7 +306,8 @@ def test_boards_of_a_network_are_those_of_parts_that_move_and_are_not_narrow():
         "board_share": np.array([1, 0.9, 1, 1, 0.3, 1, 1]),
     }  # fmt: skip
     layout = read_layout(outputs)
-    assert len(layout) == 6
+    assert len(layout) == 6 and layout.certainty is None
+    assert read_layout(outputs | {"certainty": np.float64(0.7)}).certainty == 0.7
     assert [own is None for own in layout.boards] == [True, False, True, True, True, True]
     own = layout.boards[1]
     assert len(own) == 2 and own.share == pytest.approx(0.9)
@@ -328,6 +331,8 @@ def test_boards_of_a_network_are_those_of_parts_that_move_and_are_not_narrow():
         (lambda d: d["parts"][1].update(confidence=2), "part 1: confidence"),
         (lambda d: d["parts"].clear(), "parts"),
         (lambda d: d.update(camera=[0] * 7), "camera's first two numbers"),
+        (lambda d: d.update(certainty=1.5), "layout: certainty 1.5 is not in 0..1"),
+        (lambda d: d.update(certainty="much"), "layout: certainty 'much' is not in 0..1"),
         (lambda d: d.update(legs={"rows": [{}]}), "leg 0: lower must be 4 numbers"),
         (lambda d: d.update(panels={"rows": [{}]}), "panel 0: lower must be 3 numbers"),
         (

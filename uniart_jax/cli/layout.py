@@ -73,5 +73,6 @@ def layout(
             draw_layout(cut, found).save(folder / f"{stem}.png")
     for stem, found in zip(stems, layouts, strict=True):
         moving = sum(joint.type != "fixed" for joint in found.joints)
-        line = f"{stem}: {len(found)} parts, {moving} of them move -> {out / stem}.json"
+        sure = "" if found.certainty is None else f", certainty {found.certainty:.2f}"
+        line = f"{stem}: {len(found)} parts, {moving} of them move{sure} -> {out / stem}.json"
         console.print(line, highlight=False, markup=False)

@@ -265,8 +265,10 @@ def lines(name: str, one: Sample, folder: Path, found: list[dict]) -> Iterator[s
             )
     for line in validation_lines(found[0]) if found else ():
         yield f"  {line}"
-    from uniart_jax.cli.words import closing_line
+    from uniart_jax.cli.words import certainty_line, closing_line
 
+    if sure := certainty_line(one.layout):
+        yield f"  {sure}"
     yield closing_line(one.kind, one.obj, folder)
 
 

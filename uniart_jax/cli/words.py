@@ -7,6 +7,18 @@ from pathlib import Path
 from uniart_jax.export.words import moving_words
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.voxels.kind import Kind
+from uniart_jax.voxels.layout import Layout
+
+GUESSED = 0.35  # certainty below which a layout is called a guess
+
+
+def certainty_line(layout: Layout | None) -> str:
+    """How sure the parts are; nothing where that is not known."""
+    if layout is None or layout.certainty is None:
+        return ""
+    line = f"certainty {layout.certainty:.2f}, the share of moving parts expected to be right"
+    guess = "; low: the model may not know such a thing (docs/faq.md)"
+    return line + (guess if layout.certainty < GUESSED else "")
 
 
 def closing_line(kind: Kind, obj: ArticulatedObject, folder: Path) -> str:

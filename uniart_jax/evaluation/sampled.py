@@ -49,6 +49,8 @@ def details(made: Sequence[Sample], index: int) -> dict[str, Any]:
         },
         "sampling": sampling,
     }
+    if one.layout is not None and one.layout.certainty is not None:
+        told["certainty"] = round(one.layout.certainty, 4)
     if one.background:
         told["background"] = list(one.background)  # of each view
     if one.cut:

@@ -26,6 +26,7 @@ from uniart_jax.data.mirror import (
     mirror_legs,
     mirror_radii,
 )
+from uniart_jax.inference.certainty import certainty, differences
 from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.network import build
 from uniart_jax.runtime.program_cache import kept_program
@@ -107,7 +108,8 @@ class LayoutPredictor:
         exists [Q] logits, colors [Q, 3] linear RGB, parents [Q, Q] logits child -> parent
         (diagonal: root), camera [7]; where the network finds legs, panels or boards,
         those of ``last_legs`` and ``last_panels``; where it finds revolutions, round_axis [Q, 4],
-        round_centers [Q, 3, 2] and round_radii [Q, 3, N] (``models.layout.RevolutionHead``)."""
+        round_centers [Q, 3, 2] and round_radii [Q, 3, N] (``models.layout.RevolutionHead``); of two
+        looks differences [3] and certainty [] (``inference.certainty``)."""
         return [self._read(image) for image in images]
 
     def _read(self, image: np.ndarray) -> dict[str, np.ndarray]:
@@ -156,6 +158,7 @@ def joined(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> dict[str
     differ = np.linalg.norm(codes - one["codes"][i], axis=1, keepdims=True) > DIFFERENT
     turned = np.where(differ, share > 0.5, share)
     mix = lambda a, b: (1 - share) * a + share * b  # noqa: E731
+    differ = differences(one, other, i, j)
     return {
         **(joined_legs(one, other) if "leg_rows" in one else {}),
         **(joined_panels(one, other) if "panel_rows" in one else {}),
@@ -167,6 +170,8 @@ def joined(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> dict[str
         "exists": (one["exists"][i] + other["exists"][j]) / 2,
         "parents": (one["parents"][np.ix_(i, i)] + other["parents"][np.ix_(j, j)]) / 2,
         "camera": (one["camera"] + other["camera"]) / 2,
+        "differences": differ,
+        "certainty": certainty(differ),
     }
 
 

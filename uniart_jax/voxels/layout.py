@@ -6,6 +6,7 @@ As JSON (``to_json``, ``from_json``), lengths in object units, angles in radians
 
     {"schema": 1, "frame": "object: z up, front at -x, shown state, longest side 1, centred",
      "camera": [7] code (``voxels.camera_code``) of the picture that is sampled from, or null,
+     "certainty": expected share of moving parts that is right (``inference.certainty``), or null,
      "parts": [{"name", "parent": row or null, "box": {"center": [3], "size": [3]},
                 "color": [3], "confidence",
                 "joint": {"type", "origin": [3], "direction": [3], "angle": [2], "travel": [2]},
@@ -75,6 +76,7 @@ class Layout:
       legs: what it stands on, panels: what its body is built of, where that is known. boards: what
         each part is built of, revolutions: the outlines of parts that are round about an axis; each
         empty, or K, None where that is not known.
+      certainty: expected share of the moving parts that is right, in 0..1, or None.
     """
 
     boxes: np.ndarray
@@ -87,6 +89,7 @@ class Layout:
     panels: Panels | None = None
     boards: tuple[Panels | None, ...] = ()
     revolutions: tuple[Revolution | None, ...] = ()
+    certainty: float | None = None
 
     def __len__(self) -> int:
         return len(self.boxes)
@@ -98,6 +101,7 @@ class Layout:
         for name in ("boards", "revolutions"):
             also += [name] if any(own is not None for own in getattr(self, name)) else []
         sure = f"; confidence from {min(self.confidence):.2f}" if len(self) else ""
+        sure += "" if self.certainty is None else f"; certainty {self.certainty:.2f}"
         beside = f"; with {', '.join(also)}" if also else ""
         return f"Layout({len(self)} parts: {types}{sure}{beside})"
 
@@ -173,7 +177,9 @@ class Layout:
                 }
             )
         camera = None if self.camera is None else _plain(self.camera)
-        data = {"schema": SCHEMA, "frame": FRAME, "camera": camera, "parts": rows}
+        sure = None if self.certainty is None else round(float(self.certainty), 4)
+        data = {"schema": SCHEMA, "frame": FRAME, "camera": camera, "certainty": sure}
+        data["parts"] = rows
         data["legs"] = None if self.legs is None else legs_to_json(self.legs)
         data["panels"] = None if self.panels is None else panels_to_json(self.panels)
         return json.dumps(data, indent=2) + "\n"
@@ -181,7 +187,7 @@ class Layout:
     @staticmethod
     def from_json(text: str) -> Layout:
         """Read ``to_json``'s text; ``color``, ``confidence``, ``boards``, ``revolution``,
-        ``camera``, ``legs`` and ``panels`` may be left out.
+        ``camera``, ``certainty``, ``legs`` and ``panels`` may be left out.
 
         Raises:
           ValueError: one line that names the row and the field.
@@ -213,10 +219,7 @@ class Layout:
             joints.append(_joint(row, parent, where))
             paint = _numbers(row, "color", 3, where) if "color" in row else np.full(3, 0.6)
             colors.append(srgb_to_linear(np.clip(paint, 0, 1)))
-            sure = row.get("confidence", 1.0)
-            if not isinstance(sure, (int, float)) or not 0 <= sure <= 1:
-                raise ValueError(f"{where}: confidence {sure!r} is not in 0..1")
-            confidence.append(float(sure))
+            confidence.append(_share(row.get("confidence", 1.0), f"{where}: confidence"))
             boards.append(panels_from_json(row.get("boards"), f"part {k}: board"))
             revolutions.append(revolution_from_json(row.get("revolution"), where))
         _check_tree(parents)
@@ -224,6 +227,7 @@ class Layout:
         camera = None if camera is None else _numbers(data, "camera", 7, "layout")
         if camera is not None and not np.any(camera[:2]):
             raise ValueError("layout: camera's first two numbers, sine and cosine, are both 0")
+        sure = data.get("certainty")
         return Layout(
             np.array(boxes),
             tuple(joints),
@@ -235,7 +239,14 @@ class Layout:
             panels_from_json(data.get("panels")),
             tuple(boards) if any(b is not None for b in boards) else (),
             tuple(revolutions) if any(r is not None for r in revolutions) else (),
+            None if sure is None else _share(sure, "layout: certainty"),
         )
+
+
+def _share(value: Any, what: str) -> float:
+    if type(value) not in (int, float) or not 0 <= value <= 1:
+        raise ValueError(f"{what} {value!r} is not in 0..1")
+    return float(value)
 
 
 def _plain(values: Any) -> list[float]:

@@ -43,7 +43,8 @@ def read_layout(outputs: dict[str, np.ndarray], threshold: float = THRESHOLD) ->
 
     Args:
       outputs: corners [Q, 6] (lower, upper), codes [Q, 9], exists [Q] logits, colors [Q, 3] linear
-        RGB, parents [Q, Q] logits child -> parent (the diagonal: that it is the root), camera [7].
+        RGB, parents [Q, Q] logits child -> parent (the diagonal: that it is the root), camera [7];
+        of two looks certainty [] too.
       threshold: of the probability that a row exists; the surest row is always taken.
 
     Returns:
@@ -90,10 +91,20 @@ def read_layout(outputs: dict[str, np.ndarray], threshold: float = THRESHOLD) ->
     revolutions: tuple[Revolution | None, ...] = ()
     if "round_axis" in outputs:
         revolutions = tuple(read_revolution(outputs, row) for row in rows.tolist())
-    sure = probability[rows]
-    return with_common_edges(
-        Layout(boxes, joints, parents, colors, sure, camera, legs, panels, boards, revolutions)
+    found = Layout(
+        boxes,
+        joints,
+        parents,
+        colors,
+        probability[rows],
+        camera,
+        legs,
+        panels,
+        boards,
+        revolutions,
+        float(outputs["certainty"]) if "certainty" in outputs else None,
     )
+    return with_common_edges(found)
 
 
 def _decoded(code: np.ndarray, box: np.ndarray) -> Joint:
