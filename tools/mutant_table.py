@@ -127,9 +127,9 @@ MUTANTS = (
     ),
     Mutant(
         "uniart_jax/voxels/cleanup/found_legs.py",
+        "np.minimum(tops + max(end - told, 0), end)",
         "np.minimum(tops + end - told, end)",
-        "tops + end - told",
-        "tests/voxels/cleanup/test_found_legs.py::test_what_flares_below_the_body_goes_where_legs_are_told_at_different_heights",
+        "tests/voxels/cleanup/test_found_legs.py::test_a_leg_that_is_told_short_stays_where_the_others_are_told_too_long",
     ),
     Mutant(
         "uniart_jax/inference/certainty.py",

@@ -142,6 +142,30 @@ def test_an_apron_below_a_larger_top_is_where_the_body_begins():
     np.testing.assert_array_equal(solid_of(after, 0)[:, :, 36:], solid_of(field, 0)[:, :, 36:])
 
 
+@pytest.mark.parametrize("short", [24.0, 19.0, 17.0])
+def test_a_leg_that_is_told_short_stays_where_the_others_are_told_too_long(short):
+    """The body begins below their median, so those are cut; the short one is not moved down too."""
+    body = block((8.3, 8.3, 26.3), (58.3, 58.3, 48.3))
+    field = field_of(np.minimum(drawn(), body))
+    heights = np.stack([place_of((LOW, top)) for top in (40.3, 40.3, 40.3, short)])
+    after = solid_of(with_legs(field, [0], dataclasses.replace(FOUR, heights=heights)), 0)
+    np.testing.assert_array_equal(after[:, :, 8:24], solid_of(field, 0)[:, :, 8:24])
+
+
+def test_ends_at_a_whole_layer_leave_no_gap():
+    body = block((8.3, 8.3, 55.3), (58.3, 58.3, 60.3))  # too far to be sought
+    heights = np.tile(place_of((LOW, 40.0)), (4, 1))
+    field = field_of(body)
+    after = solid_of(with_legs(field, [0], dataclasses.replace(FOUR, heights=heights)), 0)
+    assert after[12:16, 12:16, 7:56].all()
+
+
+def test_without_legs_all_stays():
+    none = Legs(*(getattr(FOUR, f.name)[:0] for f in dataclasses.fields(FOUR)[:5]), True)
+    field = field_of(drawn())
+    assert with_legs(field, [0], none) is field
+
+
 def test_a_board_within_a_body_that_is_drawn_to_the_floor_is_not_where_it_begins():
     walls = [block((8.3, y, LOW), (58.3, y + 7, HIGH)) for y in (8.3, 51.3)]
     board = block((8.3, 8.3, 19.3), (58.3, 58.3, 22.3))

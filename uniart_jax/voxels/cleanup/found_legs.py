@@ -50,7 +50,7 @@ def with_legs(field: DenseField, body: Sequence[int], legs: Legs) -> DenseField:
     """
     mine = np.isin(field.owner, body)
     solid = (field.sdf < 0) & mine
-    if not solid.any():
+    if not solid.any() or not len(legs):
         return field
     prisms = Prisms(legs, solid)
     first, last = prisms.layers()
@@ -93,14 +93,14 @@ class Prisms:
         told, foot = float(np.median(tops)), float(np.median(feet))
         self.feet = np.clip(feet, 1, self.size)
         end = _upper_end(solid, foot, tops, self.size)
-        moved = tops if end is None else np.minimum(tops + end - told, end)
+        moved = tops if end is None else np.minimum(tops + max(end - told, 0), end)
         self.tops = np.clip(moved, 1, self.size)
         self._shift = np.zeros((len(legs), 2))
         self._shift = self._under(solid)
 
     def layers(self) -> tuple[int, int]:
         """The first layer that they are in, and the one after their last."""
-        return int(np.floor(self.feet.min())), int(np.ceil(self.tops.max()))
+        return int(np.floor(self.feet.min())), int(np.floor(self.tops.max())) + 1
 
     def at(self, z: float, beyond: bool = False) -> np.ndarray:
         """[N, X, Y] sub-cells to each leg in a layer, below 0 inside; infinite above its upper
