@@ -57,20 +57,21 @@ def main() -> None:
     given = parser.parse_args()
     enable_compilation_cache()
     predictor = load_layout_predictor(given.checkpoint)
-    looks = [look(predictor, names, seed, given.count) for names, seed in VALIDATION]
+    looks = [measured(predictor, names, seed, given.count) for names, seed in VALIDATION]
     known = Rows(*(np.concatenate(values) for values in zip(*looks, strict=True)))
     intercept, slopes = fit(known)
-    print(f"INTERCEPT = {intercept:.2f}\nSLOPES = np.array({np.round(slopes, 2).tolist()})")
+    intercept, slopes = round(intercept, 2), np.round(slopes, 2)
+    print(f"INTERCEPT = {intercept}\nSLOPES = np.array({slopes.tolist()})")
     tables = {}
     for name, names in JUDGED.items():
-        rows = look(predictor, names, HELD_OUT_SEED, given.held_out)
+        rows = measured(predictor, names, HELD_OUT_SEED, given.held_out)
         tables[name] = quarters(rows, certainty(rows.differ, intercept, slopes))
         print(f"{name}: {json.dumps(tables[name])}", flush=True)
     given.out.mkdir(parents=True, exist_ok=True)
     (given.out / "certainty.json").write_text(json.dumps(tables, indent=2) + "\n")
 
 
-def look(predictor: LayoutPredictor, families: tuple[str, ...], seed: int, count: int) -> Rows:
+def measured(predictor: LayoutPredictor, families: tuple[str, ...], seed: int, count: int) -> Rows:
     """What the two looks at ``count`` objects from ``seed`` on say, and how good it is."""
     differ, moving, right = [], [], []
     for index in range(count):

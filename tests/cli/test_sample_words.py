@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from uniart_jax.cli.sample import details, lines
+from uniart_jax.cli.sample import _layout, details, lines
 from uniart_jax.cli.words import moving_words
 from uniart_jax.config import SampleConfig
 from uniart_jax.data.layouts import shown_object
@@ -92,6 +92,12 @@ def test_how_sure_the_parts_are(tmp_path, sure, low):
     said = [line for line in lines("x.png", made, tmp_path, []) if "certainty" in line]
     assert len(said) == 1 and f"certainty {sure:.2f}" in said[0]
     assert ("low" in said[0]) == low
+
+
+def test_of_a_layout_in_a_file_no_certainty_is_known(tmp_path):
+    layout = dataclasses.replace(Layout.of_object(cooker()), certainty=0.9)
+    (tmp_path / "edited.json").write_text(layout.to_json())
+    assert _layout(tmp_path / "edited.json", True, True).certainty is None
 
 
 @pytest.mark.parametrize(("ways", "said"), [(("alpha", "plain"), False), (("grabcut",), True)])

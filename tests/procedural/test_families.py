@@ -171,6 +171,15 @@ def test_an_object_whose_measures_leave_no_room_for_a_part_is_drawn_again(family
     check_closed(generate(family, seed), family)
 
 
+def test_what_else_fails_is_not_drawn_again(monkeypatch):
+    def fail(_rng):
+        raise ValueError("a fault of the generator")
+
+    monkeypatch.setattr("uniart_jax.procedural.table.build", fail)
+    with pytest.raises(ValueError, match="a fault of the generator"):
+        generate("table", 0)
+
+
 def test_unknown_family_and_negative_seed():
     with pytest.raises(ValueError, match="no family 'sofa'"):
         generate("sofa", 0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import functools
 import importlib
 import sys
@@ -202,7 +203,8 @@ def _import_writers() -> None:
 
 
 def _layout(path: Path | None, follow: bool, single: bool) -> Any:
-    """What ``Pipeline.sample`` takes as ``layout``."""
+    """What ``Pipeline.sample`` takes as ``layout``; one in a file may have been edited, so its
+    certainty is not known."""
     if path is None:
         return follow
     if not follow or not single:
@@ -212,7 +214,7 @@ def _layout(path: Path | None, follow: bool, single: bool) -> Any:
     from uniart_jax.voxels.layout import Layout
 
     try:
-        return Layout.from_json(path.read_text())
+        return dataclasses.replace(Layout.from_json(path.read_text()), certainty=None)
     except (ValueError, UnicodeDecodeError) as error:
         raise ValueError(f"layout '{path}': {error}") from None
 

@@ -4,8 +4,11 @@ A picture and its mirror image show the same object, so what a layout network sa
 differs by what it does not know. The probabilities of its rows tell little of that: of objects
 unlike those that it was trained on it is as sure as of others (docs/model_card.md#certainty).
 
-    two looks -> ``differences`` [3] -> ``certainty``, the share of the moving parts that is right,
-    as expected of procedural objects
+    two looks -> ``differences`` [3] -> ``certainty``: how many of the object's moving parts are
+    found and right, as a share, as expected of procedural objects
+
+Parts that are found but not there do not count. It is of the rows as a network says them, whatever
+threshold a layout is read with (it was fitted at ``voxels.part_table.THRESHOLD``).
 """
 
 from __future__ import annotations

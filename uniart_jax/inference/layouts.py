@@ -158,7 +158,7 @@ def joined(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> dict[str
     differ = np.linalg.norm(codes - one["codes"][i], axis=1, keepdims=True) > DIFFERENT
     turned = np.where(differ, share > 0.5, share)
     mix = lambda a, b: (1 - share) * a + share * b  # noqa: E731
-    differ = differences(one, other, i, j)
+    unlike = differences(one, other, i, j)
     return {
         **(joined_legs(one, other) if "leg_rows" in one else {}),
         **(joined_panels(one, other) if "panel_rows" in one else {}),
@@ -170,8 +170,8 @@ def joined(one: dict[str, np.ndarray], other: dict[str, np.ndarray]) -> dict[str
         "exists": (one["exists"][i] + other["exists"][j]) / 2,
         "parents": (one["parents"][np.ix_(i, i)] + other["parents"][np.ix_(j, j)]) / 2,
         "camera": (one["camera"] + other["camera"]) / 2,
-        "differences": differ,
-        "certainty": certainty(differ),
+        "differences": unlike,
+        "certainty": certainty(unlike),
     }
 
 

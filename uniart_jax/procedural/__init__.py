@@ -17,7 +17,8 @@ What a training draws from is a *world*, a tuple of families taken in turn or at
 ``MORE_FAMILIES``; "detailed", in which a third is of each of these and of ``DETAILED_FAMILIES``;
 "everyday", in which a quarter is of each of these three and of ``EVERYDAY_FAMILIES``;
 "household", in which half is of ``EVERYDAY_FAMILIES`` and a sixth of each of the others; or "open",
-the same with eighths, the fourth of them of ``assemblies``, which look like nothing in particular.
+in which half is of ``EVERYDAY_FAMILIES`` and an eighth of each of the others and of ``assemblies``,
+which look like nothing in particular.
 """
 
 from __future__ import annotations
@@ -31,6 +32,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from uniart_jax.objects.object import ArticulatedObject
+from uniart_jax.procedural.shapes import NoRoomError
 
 SEEN_FAMILIES: tuple[str, ...] = (
     "storage_furniture",
@@ -154,13 +156,13 @@ def generate(family: str, seed: int) -> ArticulatedObject:
     folder = "procedural.everyday" if family in EVERYDAY_FAMILIES else "procedural"
     module = importlib.import_module(f"uniart_jax.{folder}.{family}")
     rng = np.random.default_rng([seed, zlib.crc32(family.encode())])
-    failed: ValueError | None = None
+    failed: NoRoomError | None = None
     for _ in range(
         _ATTEMPTS
     ):  # the generator moves on, so a redraw is another object and still a function of the seed
         try:
             obj = module.build(rng).normalized()
-        except ValueError as error:  # its measures leave no room for a part
+        except NoRoomError as error:
             failed = error
             continue
         if len(obj.parts) <= MAX_PARTS and box_separation(obj) > BOX_SEPARATION:

@@ -30,6 +30,10 @@ _AXIS_FRAMES = {  # columns: where local x, y, z of a body of revolution or an e
 }
 
 
+class NoRoomError(ValueError):
+    """Measures that leave no room for a solid."""
+
+
 def exact(values: ArrayLike) -> np.ndarray:
     """Coordinates on a binary grid of about a micrometre: sums and differences are then exact, and
     faces that should be flush are."""
@@ -40,11 +44,11 @@ def box(lo: ArrayLike, hi: ArrayLike) -> Manifold:
     """The axis-aligned box between two corners.
 
     Raises:
-      ValueError: ``hi`` is not above ``lo`` in every axis.
+      NoRoomError: ``hi`` is not above ``lo`` in every axis.
     """
     lo, hi = exact(lo), exact(hi)
     if not np.all(hi - lo > 1e-9):
-        raise ValueError(
+        raise NoRoomError(
             f"box: expected lo < hi in every axis, got {lo.tolist()} and {hi.tolist()}"
         )
     return Manifold.cube(tuple(hi - lo)).translate(tuple(lo))

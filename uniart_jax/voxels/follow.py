@@ -236,15 +236,13 @@ def _without(layout: Layout, left_out: list[int]) -> Layout:
 def _taken(layout: Layout, rows: list[int]) -> Layout:
     """Rows of a layout, in this order; the parent of each is one of them, or -1."""
     position = {old: new for new, old in enumerate(rows)} | {-1: -1}
-    return Layout(
-        layout.boxes[rows],
-        tuple(layout.joints[k] for k in rows),
-        tuple(position[layout.parents[k]] for k in rows),
-        layout.colors[rows],
-        layout.confidence[rows],
-        layout.camera,
-        layout.legs,
-        layout.panels,
-        tuple(layout.boards[k] for k in rows) if layout.boards else (),
-        tuple(layout.revolutions[k] for k in rows) if layout.revolutions else (),
+    return dataclasses.replace(
+        layout,
+        boxes=layout.boxes[rows],
+        joints=tuple(layout.joints[k] for k in rows),
+        parents=tuple(position[layout.parents[k]] for k in rows),
+        colors=layout.colors[rows],
+        confidence=layout.confidence[rows],
+        boards=tuple(layout.boards[k] for k in rows) if layout.boards else (),
+        revolutions=tuple(layout.revolutions[k] for k in rows) if layout.revolutions else (),
     )
