@@ -7,7 +7,7 @@ Hardware and time: two CPU cores, about six hours with the making of records; or
     last networks and the steps of the first three trainings together, and has not been run in
     one piece. A refiner that is trained so little, on layouts that are not found, may not help.
 Result: layouts of 128 held-out objects, parts right .80 [.74, .85], moving parts found .92,
-    count .65 (uniart evaluate layout --checkpoint nano).
+    count .64 (uniart evaluate layout --checkpoint nano).
 Each training: docs/training_history.md; figures: docs/model_card.md.
 """
 
