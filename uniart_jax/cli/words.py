@@ -9,7 +9,7 @@ from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.voxels.kind import Kind
 from uniart_jax.voxels.layout import Layout
 
-GUESSED = 0.35  # certainty below which a layout is called a guess: .24 of its parts are right
+GUESSED = 0.35  # below it .24 of the moving parts of validation objects are right
 
 
 def certainty_line(layout: Layout | None) -> str:

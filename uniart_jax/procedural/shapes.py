@@ -31,7 +31,7 @@ _AXIS_FRAMES = {  # columns: where local x, y, z of a body of revolution or an e
 
 
 class NoRoomError(ValueError):
-    """Measures that leave no room for a solid."""
+    """Measures that leave no room for a box."""
 
 
 def exact(values: ArrayLike) -> np.ndarray:
