@@ -75,4 +75,4 @@ def layout(
         moving = sum(joint.type != "fixed" for joint in found.joints)
         sure = "" if found.certainty is None else f", certainty {found.certainty:.2f}"
         line = f"{stem}: {len(found)} parts, {moving} of them move{sure} -> {out / stem}.json"
-        console.print(line, highlight=False, markup=False)
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
