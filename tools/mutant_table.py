@@ -133,8 +133,8 @@ MUTANTS = (
     ),
     Mutant(
         "uniart_jax/inference/certainty.py",
-        "(values * weights).sum() / (weights.sum() + 1e-6)",
-        "values.mean()",
+        "(np.minimum(apart, FAR) * weights).sum() / total",
+        "np.minimum(apart, FAR).mean()",
         "tests/inference/test_certainty.py::test_rows_that_do_not_exist_hardly_count",
     ),
     Mutant(

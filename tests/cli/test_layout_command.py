@@ -44,8 +44,8 @@ def test_writes_tables_and_pictures(tmp_path, image, checkpoint, capsys):
     out = tmp_path / "out"
     layout((image,), out=out, checkpoint=str(checkpoint))
     found = Layout.from_json((out / "thing.json").read_text())
-    said = "".join(capsys.readouterr().err.split())  # lines are wrapped
-    assert f"move,certainty{found.certainty:.2f}->" in said
+    said = f"move, certainty {found.certainty:.2f} -> {out / 'thing'}.json"  # on one line
+    assert said in capsys.readouterr().err
     assert 1 <= len(found) <= 6 and found.camera.shape == (7,)
     assert Image.open(out / "thing.png").size == (384, 384)
     with pytest.raises(ValueError, match="not empty"):

@@ -34,18 +34,7 @@ def read_parts(layout: Layout) -> list[ReadPart]:
 
 def root_first(layout: Layout) -> Layout:
     """The same parts, the root before all others: as an object has them, so that colours agree."""
-    order = sorted(range(len(layout)), key=lambda k: layout.parents[k] >= 0)
-    place = {k: new for new, k in enumerate(order)} | {-1: -1}
-    return dataclasses.replace(
-        layout,
-        boxes=layout.boxes[order],
-        joints=tuple(layout.joints[k] for k in order),
-        parents=tuple(place[layout.parents[k]] for k in order),
-        colors=layout.colors[order],
-        confidence=layout.confidence[order],
-        boards=tuple(layout.boards[k] for k in order) if layout.boards else (),
-        revolutions=tuple(layout.revolutions[k] for k in order) if layout.revolutions else (),
-    )
+    return layout.taken(sorted(range(len(layout)), key=lambda k: layout.parents[k] >= 0))
 
 
 def motion(joint: Joint) -> str:

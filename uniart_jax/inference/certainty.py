@@ -14,6 +14,7 @@ threshold a layout is read with (it was fitted at ``voxels.part_table.THRESHOLD`
 from __future__ import annotations
 
 import numpy as np
+from scipy.special import expit
 
 FAR = 0.3  # object units, to which distances of boxes are cut off
 LEAST = 1e-3  # added before the logarithm
@@ -29,29 +30,26 @@ def differences(
     others: np.ndarray,
 ) -> np.ndarray:
     """[3] how far two outputs for one picture differ (``inference.layouts``): the largest distance
-    of the corners of a row's boxes, object units, ``FAR`` at most, and the difference of its
-    probabilities, both as means over rows weighted by the larger probability; and the sum of the
-    differences of the camera codes.
+    of the corners of a row's boxes, object units, ``FAR`` at most, a mean over rows weighted by
+    the larger of their probabilities; the sum of the differences of these probabilities over that
+    of the weights; and the sum of the differences of the camera codes.
 
     Args:
       rows, others: [Q] rows ``rows`` of the first are ``others`` of the second.
     """
-    sure, also = _probability(one["exists"][rows]), _probability(other["exists"][others])
+    sure, also = expit(one["exists"][rows]), expit(other["exists"][others])
     apart = np.abs(one["corners"][rows] - other["corners"][others]).max(-1)
     weights = np.maximum(sure, also)
-    boxes, exists = (
-        float((values * weights).sum() / (weights.sum() + 1e-6))
-        for values in (np.minimum(apart, FAR), np.abs(sure - also) / np.maximum(weights, 1e-6))
+    total = weights.sum() + 1e-6
+    boxes = (np.minimum(apart, FAR) * weights).sum() / total
+    return np.array(
+        [boxes, np.abs(sure - also).sum() / total, np.abs(one["camera"] - other["camera"]).sum()],
+        np.float64,
     )
-    return np.array([boxes, exists, float(np.abs(one["camera"] - other["camera"]).sum())])
 
 
 def certainty(
     differ: np.ndarray, intercept: float = INTERCEPT, slopes: np.ndarray = SLOPES
 ) -> np.ndarray:
     """[...] expected share of the moving parts that is right, 0..1, of ``differences`` [..., 3]."""
-    return _probability(intercept + np.log(np.asarray(differ, np.float64) + LEAST) @ slopes)
-
-
-def _probability(logits: np.ndarray) -> np.ndarray:
-    return 1 / (1 + np.exp(-np.asarray(logits, np.float64)))
+    return expit(intercept + np.log(np.asarray(differ, np.float64) + LEAST) @ slopes)

@@ -90,7 +90,7 @@ def assemble_layout(
     chosen = _chosen_rows(_finite(grid), layout)
     layout, numbers = chosen.layout, chosen.numbers
     rows = [*chosen.shown, *chosen.boxed]  # of the field's owners
-    parts = FieldParts(_taken(layout, rows), len(chosen.shown), [numbers[row] for row in rows])
+    parts = FieldParts(layout.taken(rows), len(chosen.shown), [numbers[row] for row in rows])
     boxed = _primitive_meshes(layout, chosen.boxed, 1 / (grid.resolution * grid.subdivisions))
     unfollowed: list[str] = []
 
@@ -230,19 +230,4 @@ def _without(layout: Layout, left_out: list[int]) -> Layout:
         while parents[k] in left_out:
             parents[k] = parents[parents[k]]
     kept = [k for k in range(len(layout)) if k not in left_out]
-    return _taken(dataclasses.replace(layout, parents=tuple(parents)), kept)
-
-
-def _taken(layout: Layout, rows: list[int]) -> Layout:
-    """Rows of a layout, in this order; the parent of each is one of them, or -1."""
-    position = {old: new for new, old in enumerate(rows)} | {-1: -1}
-    return dataclasses.replace(
-        layout,
-        boxes=layout.boxes[rows],
-        joints=tuple(layout.joints[k] for k in rows),
-        parents=tuple(position[layout.parents[k]] for k in rows),
-        colors=layout.colors[rows],
-        confidence=layout.confidence[rows],
-        boards=tuple(layout.boards[k] for k in rows) if layout.boards else (),
-        revolutions=tuple(layout.revolutions[k] for k in rows) if layout.revolutions else (),
-    )
+    return dataclasses.replace(layout, parents=tuple(parents)).taken(kept)

@@ -42,6 +42,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -114,6 +115,20 @@ class Layout:
         joints = tuple(part.joint for part in obj.parts)
         parents = tuple(part.parent for part in obj.parts)
         return Layout(np.asarray(obj.boxes), joints, parents, colors, np.ones(count))
+
+    def taken(self, rows: Sequence[int]) -> Layout:
+        """These rows, in this order; the parent of each is one of them, or -1."""
+        place = {old: new for new, old in enumerate(rows)} | {ROOT: ROOT}
+        return dataclasses.replace(
+            self,
+            boxes=self.boxes[rows],
+            joints=tuple(self.joints[k] for k in rows),
+            parents=tuple(place[self.parents[k]] for k in rows),
+            colors=self.colors[rows],
+            confidence=self.confidence[rows],
+            boards=tuple(self.boards[k] for k in rows) if self.boards else (),
+            revolutions=tuple(self.revolutions[k] for k in rows) if self.revolutions else (),
+        )
 
     def rows(self, most: int) -> dict[str, np.ndarray]:
         """Boxes, codes, parents (root: its own) and colours as ``voxels.part_table`` has them, of
