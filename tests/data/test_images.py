@@ -1,4 +1,4 @@
-"""Bad and odd input images (docs/architecture.md, "Bad input")."""
+"""Bad and odd input images (docs/files.md, "Bad input")."""
 
 import numpy as np
 import pytest

@@ -43,7 +43,7 @@ def make_report(
     notes: Sequence[str] = (),
     read: AsRead | None = None,
 ) -> dict:
-    """The report (docs/architecture.md, "What a user types") as plain JSON values.
+    """The report (docs/files.md, "An asset on disk") as plain JSON values.
 
     Args:
       obj: the object as it is written, in object units.

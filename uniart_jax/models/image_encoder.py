@@ -10,7 +10,7 @@ with the object's grid.
                              look at the tokens -> occupancy, codes
 
 Pre-trained by regressing the camera, coarse occupancy, boxes and joints from the image
-(docs/architecture.md), then frozen: trained jointly with a flow from scratch, an image encoder of
+(docs/training.md), then frozen: trained jointly with a flow from scratch, an image encoder of
 this size is ignored while the loss falls. The camera and the reading by projection (``nn.lifting``)
 tell a cell where in the picture to look.
 """

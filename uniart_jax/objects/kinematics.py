@@ -2,7 +2,7 @@
 
 A joint moves its child part, and all below it, along a screw about a line: it rotates by an angle
 and travels along the axis, both driven by one coordinate ``q`` that is 0 in the shown state (see
-docs/architecture.md, "Joints"). ``fixed``, ``revolute``, ``continuous``, ``prismatic`` and
+docs/representation.md, "Joints"). ``fixed``, ``revolute``, ``continuous``, ``prismatic`` and
 ``screw`` are read off the two spans; nothing stores or classifies them (the paper's open-set
 joints).
 

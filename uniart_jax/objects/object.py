@@ -1,7 +1,7 @@
 """Articulated objects as people know them: parts with meshes, a tree, joints, appearance.
 
 Frame: right-handed, z up, front faces -x. Every mesh and joint is in the object frame at the
-*shown* state, in which every joint coordinate is 0 (docs/architecture.md, "Frames").
+*shown* state, in which every joint coordinate is 0 (docs/representation.md, "Frames").
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Articulated object -> part grid: active voxels, truncated signed distance, colour, owner.
 
 Active voxels are those that the surface touches, by exact triangle-box overlap. Signs come from
-each part's winding number w_k, magnitudes from an unsigned query d_k >= 0 (docs/architecture.md,
+each part's winding number w_k, magnitudes from an unsigned query d_k >= 0 (docs/representation.md,
 "Sign and owner"), lengths in sub-cells:
 
     s_k = -d_k where |w_k| > 1/2, else d_k                                              (1)

@@ -1,4 +1,4 @@
-"""A module imports only from floors below its own, and light packages stay light."""
+"""A module imports only from layers below its own, and light packages stay light."""
 
 import ast
 import functools
@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 PACKAGE = Path(__file__).parent.parent / "uniart_jax"
-FLOORS = [
+LAYERS = [
     {"objects", "runtime"},
     {"config", "procedural"},
     {"flow", "nn"},
@@ -28,7 +28,7 @@ FLOORS = [
     {"cli"},
     {"__main__"},
 ]
-FLOOR = {name: level for level, names in enumerate(FLOORS) for name in names}
+LAYER = {name: level for level, names in enumerate(LAYERS) for name in names}
 # The only upward imports, by decision: people expect ``save``, ``show`` and ``validate`` on an
 # object. They are inside the methods, so that objects load without writers and simulators.
 LAZY = {
@@ -70,10 +70,10 @@ def imports(path: Path) -> list[str]:
     return found
 
 
-def test_every_folder_has_one_floor():
+def test_every_folder_has_one_layer():
     folders = {module.split(".")[1] for module in MODULES}
-    assert sorted(name for names in FLOORS for name in names) == sorted(folders)
-    listed = " → ".join(", ".join(f"`{name}`" for name in sorted(names)) for names in FLOORS)
+    assert sorted(name for names in LAYERS for name in names) == sorted(folders)
+    listed = " → ".join(", ".join(f"`{name}`" for name in sorted(names)) for names in LAYERS)
     assert listed in (PACKAGE.parent / "docs/architecture.md").read_text()
 
 
@@ -87,9 +87,9 @@ def test_imports_point_downwards(path):
         other = module.split(".")[1]
         if other == own or other in OF_THE_PACKAGE:
             continue
-        assert other in FLOOR, f"{name}: import {other} from the module that has it"
-        assert FLOOR[other] < FLOOR[own], (
-            f"{name} imports {module} from floor {FLOOR[other]}, its own is {FLOOR[own]}"
+        assert other in LAYER, f"{name}: import {other} from the module that has it"
+        assert LAYER[other] < LAYER[own], (
+            f"{name} imports {module} from layer {LAYER[other]}, its own is {LAYER[own]}"
         )
 
 
