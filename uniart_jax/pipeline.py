@@ -1,10 +1,10 @@
 """Image -> articulated object: the networks of a checkpoint and the voxel decoder behind one call.
 
-    image -> crop -> image encoder -> tokens, volume, pixels and camera
-        (inference.samplers.Condition)
+    image -> mask network -> crop -> layout network -> boxes, joints and tree (voxels.layout)
+    crop -> image encoder -> tokens, volume, pixels and camera (inference.samplers.Condition)
     structure flow -> structure VAE decoder -> active voxels
-    latent flow on them -> UniArt VAE decoder -> voxels with everything on them -> assemble ->
-    object
+    latent flow on them -> UniArt VAE decoder -> voxels with everything on them
+    voxels.follow, or voxels.assemble where there is no layout -> object
 
 Each step is a method, so that evaluation can start from the truth at any of them.
 """
@@ -30,6 +30,7 @@ from uniart_jax.config import (
 from uniart_jax.data.background import Way, cut_out
 from uniart_jax.data.images import crop, read_image
 from uniart_jax.export.picture_colors import Picture
+from uniart_jax.export.size import typical_scale
 from uniart_jax.export.words import moving_words
 from uniart_jax.inference.layouts import LayoutPredictor
 from uniart_jax.inference.masks import MaskPredictor, load_mask_predictor
@@ -219,10 +220,12 @@ class Pipeline(Networks):
         grid, solution = find_grid(self, coords, conditions, keys[1], latent_options, found)
         progress("parts and joints")
         flows = {"structure": structure, "latent": solution}
+        if found is None:
+            obj = assemble(grid, name=name, tolerance=NETWORK_TOLERANCE)
+        else:
+            obj = assemble_layout(grid, found, name=name)
         return Sample(
-            assemble(grid, name=name, tolerance=NETWORK_TOLERANCE)
-            if found is None
-            else assemble_layout(grid, found, name=name),
+            _sized(obj, kind_of(found or Layout.of_object(obj))),
             {"structure": structure_options, "latent": latent_options},
             {flow: int(solved.evaluations[0]) for flow, solved in flows.items()},
             {flow: int(solved.steps_over_tolerance[0]) for flow, solved in flows.items()},
@@ -349,3 +352,13 @@ def load(checkpoint: str | Path = "nano") -> Pipeline:
             "that write them, or convert them too"
         )
     return Pipeline.of(found)
+
+
+def _sized(obj: ArticulatedObject, kind: Kind) -> ArticulatedObject:
+    """The object as large as its kind usually is, if it has a name; an image does not tell."""
+    scale = typical_scale(obj, kind.family) if kind.named else 1.0
+    longest = float(np.ptp(obj.bounds, axis=0).max()) * scale
+    word = kind.family.replace("_", " ")
+    why = f"as a usual {word} is" if kind.named else "an image does not tell"
+    note = f"size: longest side taken as {longest:.2f} m, {why}"
+    return dataclasses.replace(obj, scale=scale, provenance=(*obj.provenance, note))

@@ -51,18 +51,18 @@ def one(obj, background=(), cut=()):
 
 
 def test_moving_parts_in_words():
-    assert moving_words(cooker()) == "1 hinge, 2 knobs"
+    assert moving_words(cooker()) == "1 door, 2 knobs"
     assert moving_words(thing()) == "no moving part"
     drawer = trimesh.creation.box((0.5, 0.5, 0.2))
     assert (
         moving_words(thing(Part("a", drawer, 0, SLIDER), Part("b", drawer, 0, SLIDER)))
-        == "2 sliders"
+        == "2 drawers"
     )
 
 
 def test_the_last_line_says_what_was_found_and_where_to_click(tmp_path):
     made = one(cooker())
-    said = f"found: {made.kind}: 1 hinge, 2 knobs"
+    said = f"found: {made.kind}: 1 door, 2 knobs"
     assert list(lines("x.png", made, tmp_path, []))[-1] == said  # no page was asked for
     (tmp_path / "view.html").touch()
     look = f"open {tmp_path / 'view.html'} in a browser: a slider for every joint"

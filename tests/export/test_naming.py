@@ -1,5 +1,4 @@
-"""Parts that have no name of their own are called after their joints, from the top left of the
-front."""
+"""Parts that have no name of their own are called what they are, from the top left of the front."""
 
 from __future__ import annotations
 
@@ -10,7 +9,8 @@ import pytest
 import trimesh
 
 from uniart_jax import procedural
-from uniart_jax.export.naming import is_knob, is_made_up, named, reading_order
+from uniart_jax.export.naming import is_made_up, named, reading_order
+from uniart_jax.export.part_kinds import ORDER, is_knob
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
 
@@ -50,10 +50,10 @@ def cooker(names=None, labels=None) -> ArticulatedObject:
     )
 
 
-def test_parts_are_called_after_their_joints():
+def test_parts_are_called_what_they_are():
     obj = named(cooker())
     assert [p.name for p in obj.parts] == [
-        *("base", "slider_1", "hinge_1", "knob_2", "knob_1", "screw_1", "fixed_1"),
+        *("base", "drawer_1", "door_1", "knob_2", "knob_1", "screw_1", "fixed_1"),
     ]
 
 
@@ -76,9 +76,9 @@ def test_names_and_labels_that_were_given_are_kept():
 
 def test_a_name_that_is_taken_is_not_given_again():
     names = [f"link_{k}" for k in range(7)]
-    names[3] = "hinge_1"
+    names[3] = "door_1"
     obj = named(cooker(names))
-    assert obj.parts[2].name == "hinge_2" and obj.parts[3].name == "hinge_1"
+    assert obj.parts[2].name == "door_2" and obj.parts[3].name == "door_1"
 
 
 @pytest.mark.parametrize("name", ["", "  ", "link_3", "Link 3", "part", "L2", "body_7", "12"])
@@ -114,5 +114,4 @@ def test_names_of_whole_objects_are_told_apart():
         found = named(dataclasses.replace(obj, parts=tuple(bare)))
         names = [p.name for p in found.parts]
         assert len(set(names)) == len(names) and names[0] == "base"
-        kinds = {"hinge", "slider", "knob", "screw", "fixed"}
-        assert {n.rsplit("_", 1)[0] for n in names[1:]} <= kinds
+        assert {n.rsplit("_", 1)[0] for n in names[1:]} <= {*ORDER, "handle", "fixed"}

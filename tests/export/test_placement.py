@@ -157,14 +157,14 @@ def test_the_files_stand_on_the_floor_and_open_upwards(tmp_path):
     assert given.limits[1] == pytest.approx([-0.4, 1.0])
     folder = save_asset(given, tmp_path / "out", formats=("mjcf",), motion=False)
     read = load_object(folder)
-    assert [p.name for p in read.parts] == ["base", "hinge_1"]
+    assert [p.name for p in read.parts] == ["base", "lid_1"]
     assert read.bounds[0][2] == pytest.approx(0, abs=1e-6)
     assert read.parts[1].joint.limits == pytest.approx((0, 1.4))
     np.testing.assert_allclose(read.parts[1].joint.direction, [0, 1, 0])
     model = mujoco.MjModel.from_xml_path(str(folder / "object.xml"))
-    assert model.joint("hinge_1_joint").range == pytest.approx([0, 1.4])
+    assert model.joint("lid_1_joint").range == pytest.approx([0, 1.4])
     report = json.loads((folder / "report.json").read_text())
-    assert report["shown"] == {"hinge_1_joint": pytest.approx(1.0)}
+    assert report["shown"] == {"lid_1_joint": pytest.approx(1.0)}
     told = report["parts"][1]
     assert told["as_read"]["name"] == "link_1"
     assert told["as_read"]["angle"] == pytest.approx([-0.4, 1.0])

@@ -4,7 +4,7 @@ object keeps within a budget.
 Simulators with thousands of copies pay for every shape. Two shapes of a part are joined to a box or
 a hull; first those whose union changes least, and those last that would stand where another part is
 on any joint's way. So walls of a drawer, which five boxes say, stay walls, and what is cut into
-dozens of wedges becomes as coarse as the budget asks for.
+dozens of wedges becomes as coarse as the budget asks for. Legs and handles stay as they are.
 """
 
 from __future__ import annotations
@@ -57,13 +57,17 @@ def within_budget(
     """
     check_budget(budget)
     size = float(np.ptp(obj.bounds, axis=0).max()) * obj.scale
+    standing = _standing_out(bodies, budget)
+    rest = [tuple(s for s in body.shapes if not s.stands_out) or body.shapes for body in bodies]
+    bodies = [dataclasses.replace(b, shapes=own) for b, own in zip(bodies, rest, strict=True)]
+    budget -= sum(len(own) for own in standing)
     places = [_places(body.shapes, size) for body in bodies]
     parts = []
     for k, body in enumerate(bodies):
         barred = _barred(obj, k, places, body.shapes, size) if len(body.shapes) > 1 else _NOWHERE
         parts.append(Merger(body.shapes, barred, BARRED * size**3, boxes))
-    for part in parts:
-        part.coarsen(min(PART_MOST, budget))
+    for part, own in zip(parts, standing, strict=True):
+        part.coarsen(min(PART_MOST - len(own), budget))
     while sum(part.count for part in parts) > max(budget, len(parts)):
         open_to = [part for part in parts if part.count > 1 and np.isfinite(part.next_cost())]
         if not open_to:
@@ -75,13 +79,23 @@ def within_budget(
             part.step()
         shapes, error = _simplest(part, _metric(mesh, obj.scale), size)
         out.append(dataclasses.replace(body, shapes=shapes, volume_error=error))
-    apart = separated([body.shapes for body in out], OVERLAP * size, lambda s: rebuilt(s, size))
+    whole = [(*body.shapes, *own) for body, own in zip(out, standing, strict=True)]
+    apart = separated(whole, OVERLAP * size, lambda s: rebuilt(s, size))
     for k, shapes in enumerate(apart):
         if any(a is not b for a, b in itertools.zip_longest(shapes, out[k].shapes)):
             mesh = _metric(meshes[k], obj.scale)
             error = volume_error(mesh, shapes, parts[k].given if is_open(mesh) else None)
             out[k] = dataclasses.replace(out[k], shapes=shapes, volume_error=error)
     return tuple(out)
+
+
+def _standing_out(bodies: Sequence[Body], budget: int) -> list[tuple[Shape, ...]]:
+    """[K] legs and handles that stay as they are: the largest, half of the budget at most."""
+    found = [(k, s) for k, body in enumerate(bodies) for s in body.shapes if s.stands_out]
+    found.sort(key=lambda one: -as_solid(one[1]).volume())
+    found = found[: budget // 2]
+    own = [[s for j, s in found if j == k][: PART_MOST // 2] for k in range(len(bodies))]
+    return [tuple(shapes) for shapes in own]
 
 
 def check_budget(budget: int) -> None:

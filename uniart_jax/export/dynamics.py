@@ -39,7 +39,8 @@ SLOPES = 61  # stiffnesses of a spring that are tried
 FAR_TURN, FAR_TRAVEL = 6.0, 1000.0
 TURN_SPEED = 6.0  # rad / s
 TRAVEL_SPEED = 2.0  # m / s
-ACCELERATION = 20.0  # effort brings a part to its top speed in 1 / 20 s
+ACCELERATION = 20.0  # effort brings a part to its top speed in 1 / 20 s ...
+STRONGEST = 150.0  # ... with so many N at the handle at most
 
 
 def joint_dynamics(
@@ -64,7 +65,8 @@ def joint_dynamics(
     springs (``Dynamics.unsprung``) get friction that holds the part within 40 N at the handle, or,
     where 1.15 times the load is more than that, 22 N and a part that falls (``Dynamics.falls``),
     but never from rest. Damping is inertia / .2 s, at most 25 N s / m at the handle. Effort is five
-    times friction and load together plus what brings the part to its top speed in 1 / 20 s.
+    times friction and load together plus what brings the part to its top speed in 1 / 20 s, at
+    most 150 N at the handle.
     """
     below = [sorted(own) for own in subtrees(obj.parents)]
     states, loads = _loads_tried(obj, inertials, below)
@@ -95,7 +97,8 @@ def joint_dynamics(
         endless = joint.type == "continuous"
         ends = None if endless else (joint.limits[0] * unit, joint.limits[1] * unit)
         held = _held(load, float(floor), float(lever), handle, ends)
-        effort = 5 * (held.alone + largest[k]) + inertia * velocity * (ACCELERATION + 1 / TIME)
+        push = min(inertia * velocity * (ACCELERATION + 1 / TIME), STRONGEST * lever)
+        effort = 5 * (held.alone + largest[k]) + push
         damping = min(inertia / TIME, DRAG * lever**2)
         found.append(
             dataclasses.replace(

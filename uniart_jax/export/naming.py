@@ -1,6 +1,6 @@
-"""What parts are called where nobody gave them a name: by what their joints do.
+"""What parts are called where nobody gave them a name: by what they are (``part_kinds``).
 
-`base`, `hinge_1`, `slider_1`, `knob_1`, `screw_1`, `fixed_1`, each kind counted from the top left
+`base`, `door_1`, `drawer_1`, `knob_1`, `hinge_1`, each kind counted from the top left
 of the front, row by row, as one reads.
 """
 
@@ -10,10 +10,8 @@ import dataclasses
 import re
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
 
-from uniart_jax.export.frames import moves
-from uniart_jax.objects.kinematics import Joint
+from uniart_jax.export.part_kinds import part_kinds
 from uniart_jax.objects.names import Numbered, clean
 from uniart_jax.objects.object import ArticulatedObject, moved_mesh
 
@@ -22,15 +20,6 @@ MADE_UP = re.compile(
     r"\s*|(?:link|part|mesh|geom|object|obj|node|piece)[ _.-]*\d*|(?:body|l|p|b)?[ _.-]*\d+",
     re.IGNORECASE,
 )  # names that a program counted out, or none
-KINDS = {
-    "revolute": "hinge",
-    "continuous": "hinge",
-    "prismatic": "slider",
-    "screw": "screw",
-    "fixed": "fixed",
-}
-KNOB_SIZE = 0.15  # of the object's longest side, that a knob has at the most
-ROUND = 0.7  # of the disc about the axis, that an outline fills at least (a square: .64)
 
 
 def is_made_up(name: str) -> bool:
@@ -43,12 +32,12 @@ def named(obj: ArticulatedObject) -> ArticulatedObject:
 
     A name that somebody gave is kept. In the place of a made-up one (``is_made_up``) stands the
     part's label, numbered where several have the same; without a label the root is ``base`` and
-    other parts are called after their joints: ``hinge``, ``slider``, ``knob`` (turning, small and
-    round), ``screw`` or ``fixed``, with a number.
+    other parts are called what they are (``part_kinds``), with a number.
     """
     given = [None if is_made_up(part.name) else part.name for part in obj.parts]
     taken = Numbered(name for name in given if name is not None)
     names = dict(enumerate(given))
+    kinds = part_kinds(obj)
     counts: dict[str, int] = {}
     for k in reading_order(obj):
         part = obj.parts[k]
@@ -59,8 +48,7 @@ def named(obj: ArticulatedObject) -> ArticulatedObject:
         elif part.parent < 0:
             names[k] = taken(BASE)
         else:
-            kind = "knob" if is_knob(obj, k) else KINDS[part.joint.type]
-            names[k] = _counted(kind, counts, taken)
+            names[k] = _counted(kinds[k], counts, taken)
     parts = [dataclasses.replace(p, name=names[k] or p.name) for k, p in enumerate(obj.parts)]
     return dataclasses.replace(obj, parts=tuple(parts))
 
@@ -90,28 +78,3 @@ def reading_order(obj: ArticulatedObject) -> list[int]:
         order += sorted(row, key=lambda k: (-middle[k, 1], -middle[k, 2], k))
         left = [k for k in left if k not in row]
     return order
-
-
-def is_knob(obj: ArticulatedObject, k: int) -> bool:
-    """Whether part k turns about an axis through itself and is small and round about it."""
-    part = obj.parts[k]
-    if not moves(part) or part.joint.type not in ("revolute", "continuous"):
-        return False
-    points = np.asarray(part.mesh.vertices)
-    size = float(np.ptp(obj.bounds, axis=0).max())
-    if float(np.ptp(points, axis=0).max()) > KNOB_SIZE * size:
-        return False
-    return is_round(points, part.joint)
-
-
-def is_round(points: np.ndarray, joint: Joint) -> bool:
-    """Whether the outline of points [n, 3] fills most of the disc about a joint's axis."""
-    axis = joint.direction
-    across = np.cross(axis, np.eye(3)[np.abs(axis).argmin()])
-    across /= np.linalg.norm(across)
-    flat = (points - joint.origin) @ np.stack([across, np.cross(axis, across)], 1)
-    try:
-        outline = ConvexHull(flat).volume  # of a plane's points: the area
-    except QhullError:  # a line
-        return False
-    return bool(outline >= ROUND * np.pi * np.square(flat).sum(1).max())

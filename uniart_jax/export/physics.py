@@ -21,11 +21,14 @@ class Box:
       center: [3] metres, object frame.
       size: [3] full side lengths, metres.
       rotation: [3, 3] whose columns are the box's own axes in the object frame (right-handed).
+      stands_out: whether it is a leg or a handle (``export.protrusions``), which is joined with no
+        other shape.
     """
 
     center: np.ndarray
     size: np.ndarray
     rotation: np.ndarray
+    stands_out: bool = False
 
 
 @dataclasses.dataclass(frozen=True)
@@ -34,9 +37,11 @@ class Hull:
 
     Attributes:
       mesh: closed convex surface, metres, object frame.
+      stands_out: as of a ``Box``.
     """
 
     mesh: trimesh.Trimesh
+    stands_out: bool = False
 
 
 Shape = Box | Hull

@@ -119,6 +119,8 @@ def _moved(shape: Shape, matrix: np.ndarray) -> Shape:
         # mirror, since its trace is above 1.
         _, order = linear_sum_assignment(-np.abs(rotation))
         rotation = rotation[:, order] * np.where(np.diag(rotation[:, order]) < 0, -1.0, 1.0)
-        return Box(turn @ shape.center + matrix[:3, 3], np.asarray(shape.size)[order], rotation)
+        center, size = turn @ shape.center + matrix[:3, 3], np.asarray(shape.size)[order]
+        return Box(center, size, rotation, shape.stands_out)
     vertices = trimesh.transform_points(shape.mesh.vertices, matrix)
-    return Hull(trimesh.Trimesh(vertices, shape.mesh.faces, process=False))
+    mesh = trimesh.Trimesh(vertices, shape.mesh.faces, process=False)
+    return Hull(mesh, shape.stands_out)

@@ -4,7 +4,8 @@ covered by few boxes.
 What a network makes has bumps of a hundredth of the object everywhere. Convex hulls of that fill
 cavities and cross the neighbours; cells of one lattice cannot. The lattice lies along the object's
 axes at rest, where doors and drawers are closed, so that flat parts are few boxes. Knobs are hulls,
-because a box's corners would catch as it turns; the cells that one touches are its own.
+because a box's corners would catch as it turns; the cells that one touches are its own. Legs and
+handles, which such boxes miss, have shapes of their own (``export.protrusions``).
 """
 
 from __future__ import annotations
@@ -17,8 +18,9 @@ import numpy as np
 import trimesh
 from scipy import ndimage
 
-from uniart_jax.export.naming import is_knob
+from uniart_jax.export.part_kinds import is_knob
 from uniart_jax.export.physics import Box, Hull, Shape
+from uniart_jax.export.protrusions import FINE, Fine, Place, as_shapes, fine_cells, protrusions
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.voxels.crossings import lattice_windings
 from uniart_jax.voxels.grid import dilated
@@ -38,6 +40,10 @@ LEAST_CELLS = 3  # a part with fewer gets all cells that its corners are in
 GAP = 0.0015  # of the longest side, between the boxes of neighbours
 REACH = 0.7  # cells from a knob's rim, within which a cell's middle lies that it touches
 FREE = -1  # owner of a cell that is nobody's
+FOOT = 0.1  # of the body's outline from above that a foot takes at most
+# (axis, side) to which what stands out is looked for: the body stands on it, or it lies on top; a
+# hand comes from the front (-x), from a side or from above
+BODY, MOVING = ((2, -1), (2, 1)), ((0, -1), (1, -1), (1, 1), (2, 1))
 
 
 def is_rough(obj: ArticulatedObject) -> bool:
@@ -63,6 +69,9 @@ class Cells:
       spare: [K, n, n, n] bool: cells beside them that its boxes may hold too, because no other part
         ever gets there.
       knobs: parts that are hulls instead, object units, at the shown state.
+      fine: parts of which what stands out from their boxes is looked for.
+      ground: z of the lowest point of the root, object frame at rest.
+      hulls: whether shapes may be hulls.
     """
 
     corner: np.ndarray
@@ -71,6 +80,9 @@ class Cells:
     full: np.ndarray
     spare: np.ndarray
     knobs: dict[int, trimesh.Trimesh] = dataclasses.field(default_factory=dict)
+    fine: dict[int, Fine] = dataclasses.field(default_factory=dict)
+    ground: float = -np.inf
+    hulls: bool = True
 
     def centers(self, cells: np.ndarray) -> np.ndarray:
         """[n, 3] centres of cells [n, 3]."""
@@ -81,8 +93,8 @@ class Cells:
         return np.floor((points - self.corner) / self.side).astype(np.int64)
 
     def boxes_alone(self) -> Cells:
-        """The same, with knobs as boxes too."""
-        return dataclasses.replace(self, knobs={})
+        """The same, with boxes in place of hulls."""
+        return dataclasses.replace(self, knobs={}, hulls=False)
 
     def shapes(self, scale: float) -> list[tuple[Shape, ...]]:
         """[K] boxes for every part, or a knob's hull, in metres by ``scale``, in the frame of the
@@ -94,14 +106,42 @@ class Cells:
                 metric = trimesh.Trimesh(hull.vertices * scale, hull.faces, process=False)
                 out.append((Hull(metric),))
                 continue
-            boxes = []
-            for low, high in cover(self.full[k], self.spare[k]):
-                center = self.corner + (low + high) / 2 * self.side
-                sides = (high - low) * self.side - 2 * GAP * CELLS * self.side
-                moved = pose[:3, :3] @ center + pose[:3, 3]
-                boxes.append(Box(moved * scale, sides * scale, pose[:3, :3].copy()))
-            out.append(tuple(boxes))
+            covering = cover(self.full[k], self.spare[k])
+            shapes: list[Shape] = [self._box(*box, pose, scale) for box in covering]
+            if k in self.fine and self.fine[k].root:
+                shapes = self._with_feet(shapes, covering)
+            for piece in protrusions(self.fine[k], covering) if k in self.fine else []:
+                found = as_shapes(piece, cover, self.hulls)
+                if isinstance(found, trimesh.Trimesh):
+                    points = (self.corner + found.vertices / FINE * self.side) @ pose[:3, :3].T
+                    metric = trimesh.Trimesh((points + pose[:3, 3]) * scale, found.faces)
+                    shapes.append(Hull(metric, stands_out=True))
+                    continue
+                for low, high in found:
+                    box = self._box(low / FINE, high / FINE, pose, scale)
+                    shapes.append(dataclasses.replace(box, stands_out=True))
+            out.append(tuple(shapes))
         return out
+
+    def _with_feet(self, shapes: list[Shape], boxes: list[Place]) -> list[Shape]:
+        """The root's boxes, with those that stand on the ground and are narrow marked."""
+        low, high = (np.array([box[i] for box in boxes]) for i in (0, 1))
+        wide = np.prod((high - low)[:, :2], 1) > FOOT * np.prod((high.max(0) - low.min(0))[:2])
+        feet = ~wide & (self.corner[2] + low[:, 2] * self.side < self.ground + self.side)
+        return [
+            dataclasses.replace(shape, stands_out=True) if foot else shape
+            for shape, foot in zip(shapes, feet, strict=True)
+        ]
+
+    def _box(self, low: np.ndarray, high: np.ndarray, pose: np.ndarray, scale: float) -> Box:
+        """The box between two corners in cells, less a gap; its bottom is the ground where that is
+        within a cell."""
+        gap = GAP * CELLS * self.side
+        lower, upper = self.corner + low * self.side + gap, self.corner + high * self.side - gap
+        if abs(lower[2] - gap - self.ground) < self.side < upper[2] - self.ground:
+            lower[2] = self.ground
+        moved = pose[:3, :3] @ ((lower + upper) / 2) + pose[:3, 3]
+        return Box(moved * scale, (upper - lower) * scale, pose[:3, :3].copy())
 
 
 def as_cells(obj: ArticulatedObject, meshes: Sequence[trimesh.Trimesh]) -> Cells:
@@ -156,7 +196,16 @@ def as_cells(obj: ArticulatedObject, meshes: Sequence[trimesh.Trimesh]) -> Cells
     near = np.stack([dilated(f) for f in full])
     alone = near & (near.sum(0) == 1) & (owner == FREE)
     hulls = {k: meshes[k].convex_hull for k in knobs}
-    return Cells(corner, side, rest, full, alone, hulls)
+    fine = {}
+    for k, mesh in enumerate(meshes):
+        if k not in knobs and mesh.is_watertight and full[k].sum() >= LEAST_CELLS:
+            others = (owner != k) & (owner != FREE)
+            root = obj.parts[k].parent < 0
+            vertices = (corners[k] - corner) / side
+            ways = BODY if root else MOVING
+            fine[k] = fine_cells(vertices, np.asarray(mesh.faces), n, others, ways, root)
+    ground = float(corners[next(k for k, p in enumerate(obj.parts) if p.parent < 0)][:, 2].min())
+    return Cells(corner, side, rest, full, alone, hulls, fine, ground)
 
 
 def _touched(
@@ -186,7 +235,9 @@ def _touched(
     return found
 
 
-def cover(full: np.ndarray, spare: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+def cover(
+    full: np.ndarray, spare: np.ndarray, enough: Sequence[tuple[int, float]] = ENOUGH
+) -> list[tuple[np.ndarray, np.ndarray]]:
     """(low [3], high [3]) of boxes that hold ``full`` but for a small share, and nothing but
     ``full`` and some of ``spare`` [n, n, n].
 
@@ -203,7 +254,7 @@ def cover(full: np.ndarray, spare: np.ndarray) -> list[tuple[np.ndarray, np.ndar
     left = full.copy()
     filled, closed = _Counts(full), _Counts(~allowed)
     boxes, grown = [], []
-    while any(len(boxes) < most and left.sum() > share * len(cells) for most, share in ENOUGH):
+    while any(len(boxes) < most and left.sum() > share * len(cells) for most, share in enough):
         seeds = rng.permutation(np.argwhere(left))[:SEEDS]
         for seed in seeds:
             grown += [_grow(filled, closed, seed, orders[i]) for i in rng.permutation(6)[:2]]

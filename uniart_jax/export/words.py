@@ -1,20 +1,15 @@
-"""What moves of an object, in words: "1 hinge, 2 knobs"."""
+"""What moves of an object, in words: "1 door, 2 knobs"."""
 
 from __future__ import annotations
 
-from uniart_jax.export.naming import KINDS, is_knob
+from uniart_jax.export.part_kinds import ORDER, part_kinds
 from uniart_jax.objects.object import ArticulatedObject
-
-ORDER = ("hinge", "knob", "slider", "screw")
 
 
 def moving_words(obj: ArticulatedObject) -> str:
-    """How many parts move and how, as ``export.naming`` calls them; "no moving part" of none."""
-    kinds = [
-        "knob" if is_knob(obj, k) else KINDS[part.joint.type]
-        for k, part in enumerate(obj.parts)
-        if part.joint.type != "fixed"
-    ]
+    """How many parts move and what they are (``part_kinds``); "no moving part" of none."""
+    found = zip(part_kinds(obj), obj.parts, strict=True)
+    kinds = [kind for kind, part in found if part.joint.type != "fixed"]
     counts = [(kinds.count(kind), kind) for kind in ORDER if kind in kinds]
     return ", ".join(counted(n, kind) for n, kind in counts) or "no moving part"
 

@@ -11,7 +11,7 @@ import numpy as np
 import trimesh
 from scipy.spatial import QhullError, cKDTree
 
-from uniart_jax.export.naming import is_round
+from uniart_jax.export.part_kinds import is_round
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.simulation.measure import check
 from uniart_jax.simulation.pieces import Stance, at_rest, clusters, spread

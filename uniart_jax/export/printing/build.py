@@ -14,7 +14,7 @@ import numpy as np
 from manifold3d import Manifold
 
 from uniart_jax.export.frames import moves, rigid_groups
-from uniart_jax.export.naming import is_knob
+from uniart_jax.export.part_kinds import is_knob
 from uniart_jax.export.printing.axle import fit_axle
 from uniart_jax.export.printing.clear import apart, cleared, is_crumb, losses
 from uniart_jax.export.printing.hinge import Around, Fit, fit_hinge

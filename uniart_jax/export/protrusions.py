@@ -1,0 +1,136 @@
+"""What stands out from the boxes of a rough part: legs and feet of the body, handles of doors and
+drawers.
+
+They are a small share of a part, so boxes that hold most of it (``voxel_boxes.cover``) miss them,
+though an object stands on its legs and a gripper holds its handles. They are found on a lattice
+twice as fine and get shapes of their own, which ``export.budget`` joins with no others.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import trimesh
+from scipy import ndimage
+from scipy.spatial import ConvexHull
+
+from uniart_jax.voxels.crossings import lattice_windings
+
+FINE = 2  # cells along one of the coarse lattice
+# cells from the boxes, from which on something stands out of a moving part, and of the body;
+# nearer is a rough skin
+OUT, OUT_OF_BODY = 2, 4
+LEAST = 8  # cells of it at least
+MOST = 6  # protrusions of a part, the largest
+BOXES, HELD = 3, 0.9  # of one protrusion at most, where they hold so much of it; else a hull ...
+FULL = 0.5  # ... of which so much is the protrusion's
+OPEN = 0.5  # of its cells that see the outside at least
+
+Place = tuple[np.ndarray, np.ndarray]  # lower and upper corner, cells of a lattice
+
+
+@dataclasses.dataclass(frozen=True)
+class Fine:
+    """A part at rest on the fine lattice.
+
+    Attributes:
+      first: [3] of its window, cells.
+      inside: [a, b, c] bool: cells of the part, and of no other.
+      visible: [a, b, c] bool: cells that see the outside past all other parts.
+      root: whether it is the body.
+    """
+
+    first: np.ndarray
+    inside: np.ndarray
+    visible: np.ndarray
+    root: bool
+
+
+def fine_cells(
+    vertices: np.ndarray,
+    faces: np.ndarray,
+    n: int,
+    others: np.ndarray,
+    directions: Sequence[tuple[int, int]],
+    root: bool,
+) -> Fine:
+    """A closed part on the fine lattice.
+
+    Args:
+      vertices: [m, 3] in cells of the coarse lattice; it has n along each side. faces: [F, 3].
+      others: [n, n, n] bool: coarse cells of other parts.
+      directions: (axis, side) along which a cell may see the outside. root: whether it is the body.
+    """
+    vertices = np.asarray(vertices) * FINE
+    first = np.floor(vertices.min(0)).astype(np.int64)
+    shape = np.floor(vertices.max(0)).astype(np.int64) + 1 - first
+    triangles = vertices[faces] / (n * FINE) - 0.5
+    inside = lattice_windings(triangles, first, shape, n * FINE) != 0
+    clear = np.zeros_like(others)
+    for axis, side in directions:
+        ahead = np.moveaxis(others, axis, 0)[::-side]
+        np.moveaxis(clear, axis, 0)[::-side] |= ~np.maximum.accumulate(ahead, 0)
+    at = [np.clip((f + np.arange(s)) // FINE, 0, n - 1) for f, s in zip(first, shape, strict=True)]
+    window = np.ix_(*at)
+    return Fine(first, inside & ~others[window], clear[window], root)
+
+
+def protrusions(fine: Fine, boxes: Sequence[Place]) -> list[np.ndarray]:
+    """Of each piece of a part that stands out from its boxes the cells [m, 3] of the fine lattice,
+    the largest first, with those of its root within the boxes.
+
+    Args:
+      boxes: of the part, in cells of the coarse lattice.
+    """
+    held = np.zeros_like(fine.inside)
+    for low, high in boxes:
+        a, b = (np.maximum(c * FINE - fine.first, 0) for c in (low, high))
+        held[tuple(slice(i, j) for i, j in zip(a, b, strict=True))] = True
+    left = fine.inside & ~held
+    if not held.any() or not left.any():
+        return []
+    block = np.ones((3, 3, 3), bool)
+    out = OUT_OF_BODY if fine.root else OUT
+    near = np.asarray(ndimage.binary_dilation(held, block, out - 1), bool)
+    labels = np.zeros(left.shape, np.int32)
+    ndimage.label(left & ~near, block, output=labels)
+    found = []
+    for k, window in enumerate(ndimage.find_objects(labels), start=1):
+        window = tuple(slice(max(s.start - out, 0), s.stop + out) for s in window)
+        own = labels[window] == k
+        if own.sum() < LEAST or fine.visible[window][own].mean() < OPEN:
+            continue
+        rooted = np.asarray(ndimage.binary_dilation(own, block, out), bool)
+        cells = np.argwhere(rooted & fine.inside[window])
+        found.append((int(own.sum()), cells + [s.start for s in window] + fine.first))
+    found.sort(key=lambda piece: -piece[0])
+    return [cells for _, cells in found[:MOST]]
+
+
+def as_shapes(
+    cells: np.ndarray, cover: Callable[..., list[Place]], hulls: bool = True
+) -> list[Place] | trimesh.Trimesh:
+    """A protrusion's cells [m, 3] as a few boxes, or as their hull (in cells) where boxes do not
+    hold it, as of a slanted leg.
+
+    Args:
+      cover: boxes that hold cells [a, b, c] and some others, best first (``voxel_boxes.cover``).
+      hulls: whether it may be a hull.
+    """
+    first = cells.min(0) - 1
+    full = np.zeros(cells.max(0) - first + 2, bool)
+    full[tuple((cells - first).T)] = True
+    boxes = cover(full, np.zeros_like(full), ((BOXES, 0.0),))
+    missed = full.copy()
+    for low, high in boxes:
+        missed[tuple(slice(a, b) for a, b in zip(low, high, strict=True))] = False
+    found = [(low + first, high + first) for low, high in boxes]
+    if not hulls or missed.sum() <= (1 - HELD) * full.sum():
+        return found
+    corners = (cells[:, None] + np.indices((2, 2, 2)).reshape(3, -1).T).reshape(-1, 3)
+    hull = ConvexHull(corners)  # of cells, so it has a volume
+    if full.sum() < FULL * hull.volume:
+        return found
+    return trimesh.convex.convex_hull(corners[hull.vertices])
