@@ -50,7 +50,6 @@ JOINT_CODE = slice(0, CODE_SIZE)
 OWN_BOX = slice(JOINT_CODE.stop, JOINT_CODE.stop + BOX_SIZE)
 PARENT_BOX = slice(OWN_BOX.stop, OWN_BOX.stop + BOX_SIZE)
 CODE_CHANNELS = PARENT_BOX.stop
-GAUGES = 6
 SPREADS = 3.0  # median absolute deviations; how far noisy codes are drawn to the pure motions
 
 
