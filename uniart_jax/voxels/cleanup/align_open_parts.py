@@ -18,8 +18,8 @@ from scipy.spatial.transform import Rotation
 
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.voxels.grid import connected
-from uniart_jax.voxels.isosurface import ZERO
-from uniart_jax.voxels.opening_direction import closed_end, places
+from uniart_jax.voxels.isosurface import ZERO, to_cells, to_points
+from uniart_jax.voxels.opening_direction import closed_end
 
 STRAIGHT = np.deg2rad(2.5)  # what is turned by less lies straight
 OPEN = np.deg2rad(8.0)  # what is turned by more is drawn badly: ``panel``
@@ -111,7 +111,7 @@ def turn_of(
     turned = to_straight @ shown
     long = to_straight @ directions[:, 1] if believed else turned
     side = int(np.abs(long).argmax())
-    place = (origin + 0.5) * size + 0.5
+    place = to_cells(origin, size)
     thick = np.sqrt(12 * max(spread[0], 0)) if believed else 0
     wide = np.hypot(*box[3:][across]) * size  # of the box, thicker by what stands across
     width = np.sqrt(max(wide**2 - (thick * np.cos(2 * straight)) ** 2, 0))
@@ -119,7 +119,7 @@ def turn_of(
     if still:
         width = float(box[3 + across[side]]) * size
     middle = float(place[across[side]] + turned[side] * size)
-    low, high = ((box[axis] + sign * box[3 + axis] / 2 + 0.5) * size + 0.5 for sign in (-1, 1))
+    low, high = (to_cells(box[axis] + sign * box[3 + axis] / 2, size) for sign in (-1, 1))
     return Turn(
         _about(axis, straight, place),
         _about(axis, back, place),
@@ -148,7 +148,7 @@ def _outside(
     ``axis``."""
     closed = closed_end(joint, cells, center, size)
     opens = sum(joint.limits) / 2 - closed  # towards the other end
-    arm = places(cells, size).mean(0) - joint.origin
+    arm = to_points(cells, size).mean(0) - joint.origin
     way = np.sign(opens) * np.cross(joint.direction, arm)
     turned = Rotation.from_rotvec(straight * np.eye(3)[axis]).apply(way)
     return int(np.sign(turned[across]))

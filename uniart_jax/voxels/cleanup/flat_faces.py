@@ -30,7 +30,7 @@ from uniart_jax.objects.kinematics import Joint
 from uniart_jax.voxels.cleanup import column_maps as maps
 from uniart_jax.voxels.cleanup.align_open_parts import Turn, panel, resampled, turn_of
 from uniart_jax.voxels.cleanup.fronts import door_of, without_overlap
-from uniart_jax.voxels.isosurface import ZERO, DenseField
+from uniart_jax.voxels.isosurface import ZERO, DenseField, to_cells
 from uniart_jax.voxels.opening_direction import center_of
 
 # lengths in sub-cells
@@ -93,7 +93,7 @@ def with_flat_faces(
     for part, (centre, size) in enumerate(zip(boxes[:, :3], boxes[:, 3:], strict=True)):
         if part in turns and _turned((sdf, owner, source, taken), part, turns[part], body):
             continue
-        lower, upper = ((c + 0.5) * cells + 0.5 for c in (centre - size / 2, centre + size / 2))
+        lower, upper = (to_cells(c, cells) for c in (centre - size / 2, centre + size / 2))
         low = np.clip(np.floor(lower - AROUND).astype(int), 0, cells)
         high = np.clip(np.ceil(upper + AROUND).astype(int), 1, cells + 1)
         window = tuple(slice(a, b + 1) for a, b in zip(low, high, strict=True))

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.voxels.cleanup.align_open_parts import ALONG, Turn, turn_of
-from uniart_jax.voxels.isosurface import DenseField
+from uniart_jax.voxels.isosurface import DenseField, to_cells
 from uniart_jax.voxels.opening_direction import center_of, closed_end, opens_to
 
 # lengths in sub-cells
@@ -96,7 +96,7 @@ def door_of(
     closed = closed_end(joint, cells, center, size) * np.sign(joint.direction[turn.axis])
     angle = closed - Rotation.from_matrix(turn.straight[:3, :3]).as_rotvec()[turn.axis]
     rotation = Rotation.from_rotvec(np.round(2 * angle / np.pi) * np.pi / 2 * np.eye(3)[turn.axis])
-    hinge, quarter = (joint.origin + 0.5) * size + 0.5, np.eye(4)
+    hinge, quarter = to_cells(joint.origin, size), np.eye(4)
     quarter[:3, :3] = np.rint(rotation.as_matrix())
     quarter[:3, 3] = hinge - quarter[:3, :3] @ hinge
     return Door(turn, quarter, *_after(quarter, low, high))
@@ -246,7 +246,7 @@ def drawer_front(
     opening = opens_to(joint, cells, np.argwhere(body), size)
     if opening is None:
         return None
-    low, high = ((box[:3] + sign * box[3:] / 2 + 0.5) * size + 0.5 for sign in (-1, 1))
+    low, high = (to_cells(box[:3] + sign * box[3:] / 2, size) for sign in (-1, 1))
     low, high = np.ceil(low).astype(int), np.floor(high).astype(int) + 1
     low, high = np.clip(low, 1, size + 1), np.clip(high, 1, size + 1)
     return Front(*opening, low, high) if (high - low >= THINNEST).all() else None

@@ -13,9 +13,9 @@ import numpy as np
 
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.voxels.closing import moved
-from uniart_jax.voxels.isosurface import DenseField
+from uniart_jax.voxels.isosurface import DenseField, to_cells, to_points
 from uniart_jax.voxels.joint_code import box_corners
-from uniart_jax.voxels.opening_direction import center_of, closed_end, opens_to, places
+from uniart_jax.voxels.opening_direction import center_of, closed_end, opens_to
 
 THICK = 2.2  # sub-cells, of a tray's floor and walls
 FLAT = 2.0  # times that thickness, up to which a box is a floor alone
@@ -51,7 +51,7 @@ def trays(
     cells = [np.argwhere(solid & (field.owner == k)) for k in range(len(boxes))]
     held = np.argwhere(solid & np.isin(field.owner, list(body)))
     doors = [
-        moved(closed[k], places(cells[k], size))
+        moved(closed[k], to_points(cells[k], size))
         for k in range(len(boxes))
         if joints[k].type == "revolute" and k not in body and len(cells[k])
     ]
@@ -64,7 +64,7 @@ def trays(
             continue
         at_rest = closed_end(joint, cells[k], center_of(held, size), size)
         shift = np.tile(joint.motion(at_rest)[:3, 3], 2)
-        if _is_wire(cells[k], (box + 0.5) * size + 0.5, *way) and _behind(box + shift, doors, *way):
+        if _is_wire(cells[k], to_cells(box, size), *way) and _behind(box + shift, doors, *way):
             found[k] = _tray(box, THICK / size)
     return found
 

@@ -16,7 +16,7 @@ import trimesh
 from scipy import ndimage
 
 from uniart_jax.objects.kinematics import Joint
-from uniart_jax.voxels.isosurface import DenseField
+from uniart_jax.voxels.isosurface import DenseField, to_cells
 from uniart_jax.voxels.joint_code import box_corners
 
 # lengths in sub-cells, areas in columns of them, of a grid with 128 along its side
@@ -74,7 +74,7 @@ def _way(box: np.ndarray, joint: Joint, size: int) -> np.ndarray:
     corners = trimesh.bounds.corners(box_corners(box).reshape(2, 3))
     states = (0.0, *joint.limits, *np.linspace(*joint.limits, 5)[1:-1])
     places = np.concatenate([trimesh.transform_points(corners, joint.motion(q)) for q in states])
-    cells = (places + 0.5) * size + 0.5
+    cells = to_cells(places, size)
     return np.stack([cells.min(0) - BESIDE, cells.max(0) + BESIDE])
 
 
