@@ -37,6 +37,7 @@ from uniart_jax.objects.appearance import linear_to_srgb
 from uniart_jax.voxels.grid import PartGrid, VoxelGrid, connected, dilated, occupancy
 
 ZERO = 1e-4  # sub-cells; distances below this count as just inside
+HALF_CELL = 0.5  # sub-cells; distance, of either sign, of cells that a pass fills or clears
 # a sub-cell beside an inactive voxel counts as inside if its distance, extrapolated by one
 # sub-cell, is below minus this: in a solid distances fall on, in a wall that ends there they rise
 # (one of 2.2 sub-cells and more)

@@ -12,6 +12,7 @@ from uniart_jax.voxels.isosurface import to_points
 
 OPENS = 0.05  # object units that a part's middle goes at least, where it opens to a side
 FIRST = 0.1  # of its range, which says to which
+ALONG_LATTICE = 0.998  # least cosine between a joint's axis and the axis of the lattice along it
 AXIS = 0.95  # least cosine between a disc's axis and a side of its box
 ROUND = 0.4  # least ratio of a disc's other two sides
 MIDDLE = 0.25  # of these, that a disc's axis passes beside its middle at most

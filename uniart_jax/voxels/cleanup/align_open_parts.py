@@ -19,13 +19,12 @@ from scipy.spatial.transform import Rotation
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.voxels.grid import connected
 from uniart_jax.voxels.isosurface import ZERO, to_cells, to_points
-from uniart_jax.voxels.opening_direction import closed_end
+from uniart_jax.voxels.opening_direction import ALONG_LATTICE, closed_end
 
 STRAIGHT = np.deg2rad(2.5)  # what is turned by less lies straight
 OPEN = np.deg2rad(8.0)  # what is turned by more is drawn badly: ``panel``
 AGREES = np.deg2rad(10.0)  # between voxels and joint; else voxels are not believed
 AIMS = np.deg2rad(20.0)  # between an end of the joint's range and where the part lies straight
-ALONG = 0.998  # least cosine between the hinge and an axis of the lattice
 PLATE = 3.0  # times as long as thick, across the hinge: its direction can be told
 THICK = (3.0, 14.0)  # sub-cells, of a panel, least and most
 THIN = 0.35  # of its width, that a panel is thick at most
@@ -85,7 +84,7 @@ def turn_of(
       center: [3] of what it is closed against, object units; None: its outside is unknown.
     """
     axis = int(np.abs(joint.direction).argmax())
-    if joint.type != "revolute" or abs(joint.direction[axis]) < ALONG or len(cells) < 3:
+    if joint.type != "revolute" or abs(joint.direction[axis]) < ALONG_LATTICE or len(cells) < 3:
         return None
     across = [(axis + 1) % 3, (axis + 2) % 3]
     origin = joint.origin + ((box[:3] - joint.origin) @ joint.direction) * joint.direction

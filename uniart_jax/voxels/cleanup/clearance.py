@@ -22,13 +22,12 @@ from scipy import ndimage
 from uniart_jax.objects.kinematics import Joint, subtrees
 from uniart_jax.voxels.grid import connected, dilated
 from uniart_jax.voxels.isosurface import ZERO, DenseField, to_points
-from uniart_jax.voxels.opening_direction import center_of, closed_end, opens_to
+from uniart_jax.voxels.opening_direction import ALONG_LATTICE, center_of, closed_end, opens_to
 
 STEP = 1.0  # sub-cells that the farthest cell of a part goes between two states, unless these
 STATES = (9, 193)  # are more, or fewer
 MARGIN = 0.25  # sub-cells around a moving part that stay free
 LOST = (0.3, 0.5)  # share of its cells that what stands still, and what moves, may lose
-ALONG = 0.998  # least cosine between a hinge and an axis of the lattice
 LINE = 0.1  # of a line along it, from which on all of the line is cut
 WALL = 2  # sub-cells, thickness of what counts as an outer wall
 KNOB = 0.15  # object units; what is smaller, and its dish, may lie in any wall
@@ -204,7 +203,11 @@ def _straight(
       ``barring`` and ``depth`` with the rest of these lines, or as they are for other joints.
     """
     axis = int(np.abs(joint.direction).argmax())
-    if joint.type != "revolute" or abs(joint.direction[axis]) < ALONG or not (depth > 0).any():
+    if (
+        joint.type != "revolute"
+        or abs(joint.direction[axis]) < ALONG_LATTICE
+        or not (depth > 0).any()
+    ):
         return barring, depth
     span = slice(int(cells[:, axis].min()), int(cells[:, axis].max()) + 1)
     within = (depth > 0) & (barring[:, axis] >= span.start) & (barring[:, axis] < span.stop)

@@ -27,7 +27,7 @@ from uniart_jax.voxels.cleanup.fronts import (
     whole_door,
     whole_front,
 )
-from uniart_jax.voxels.isosurface import DenseField
+from uniart_jax.voxels.isosurface import HALF_CELL, DenseField
 from uniart_jax.voxels.opening_direction import center_of, closed_end, still_parts
 
 # lengths in sub-cells
@@ -48,7 +48,6 @@ CORNER = 0.12  # of the sides: a round room does not reach so far into its corne
 # from its closed end, from which on a door (radians) or a drawer (object units) is not shown closed
 AJAR, PULLED = 0.05, 0.01
 RIM = 3  # layers of what a door closes against
-SOLID = 0.5  # distance of cells that are filled or cleared
 TRIM = 1.0  # percent of a drawer's cells that are not looked at, at either end
 
 
@@ -174,10 +173,10 @@ def _clean(field: DenseField, parts: Sequence[int], opening: Front, ends: bool =
     fill &= (shown > 0) & ~np.asarray(ndimage.binary_dilation(others), bool)
     # so that the walls lie between the cells
     edge = np.asarray(ndimage.binary_dilation(clear | fill), bool) & solid & ~clear
-    shown[edge] = np.minimum(shown[edge], -SOLID)
-    shown[clear] = SOLID
+    shown[edge] = np.minimum(shown[edge], -HALF_CELL)
+    shown[clear] = HALF_CELL
     whose[fill] = np.bincount(whose[solid]).argmax()
-    shown[fill] = -SOLID
+    shown[fill] = -HALF_CELL
 
 
 def _walls(solid: np.ndarray, room: _Room) -> tuple[np.ndarray, np.ndarray]:

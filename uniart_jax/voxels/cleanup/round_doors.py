@@ -17,7 +17,7 @@ from scipy import ndimage
 
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.voxels.cleanup.align_open_parts import Turn, turn_of
-from uniart_jax.voxels.isosurface import ZERO, DenseField
+from uniart_jax.voxels.isosurface import HALF_CELL, ZERO, DenseField
 from uniart_jax.voxels.opening_direction import center_of
 
 SQUARE = 1.2  # ratio of a round door's sides at most
@@ -35,7 +35,6 @@ LIP = 0.88  # radius of its opening
 GAP = 4  # sub-cells around a door's box that may be free
 WALL = 3  # sub-cells, thickness of what closes around a door
 APART = 3  # sub-cells between both: a door turns about a hinge within its thickness
-SOLID = 0.5  # distance of cells that are filled
 
 
 class Disc(NamedTuple):
@@ -189,5 +188,5 @@ def _close_around(field: DenseField, disc: Disc, body: Sequence[int]) -> None:
     free = (field.sdf[near] > 0) & np.isin(field.owner[near], (-1, disc.part, *body))
     new = wall & free & apart
     mine = np.bincount(field.owner[near][solid]).argmax()
-    field.sdf[near][new] = -SOLID
+    field.sdf[near][new] = -HALF_CELL
     field.owner[near][new] = mine
