@@ -75,31 +75,29 @@ class FieldParts:
 
 
 def cleaned(
-    field: DenseField, parts: FieldParts, boxed: list[trimesh.Trimesh], flat: bool, room: bool
+    field: DenseField, parts: FieldParts, boxed: list[trimesh.Trimesh]
 ) -> tuple[DenseField, list[trimesh.Trimesh], list[str]]:
     """The field after the passes, the meshes of the parts that are made of their boxes, and notes
     of where the layout was not followed, or a part was made a tray.
 
     Args:
       boxed: [K - shown] meshes of the parts that are made of their boxes, object units, in the
-        order of their ids. flat, room: as in ``voxels.follow.assemble_layout``.
+        order of their ids.
     """
-    drawn, told, body = field, [], parts.body
+    drawn, body = field, parts.body
     notes = [
         f"boards of part {parts.numbers[k]} of the layout left out: it does not move"
         for k in parts.boards
         if k in body
     ]
-    if flat:
-        field, told = _with_shapes(field, parts)
+    field, told = _with_shapes(field, parts)
     field = with_lost_parts(field, drawn)
     joints, count = parts.layout.joints, len(parts.layout)
     boxed = [in_front(one, joints[parts.shown + k], field) for k, one in enumerate(boxed)]
     field = whole = with_meshes(field, boxed, parts.shown)
     field = without_floating_pieces(field, count, body)
-    if room:
-        field = with_room_to_move(field, joints, parts.layout.parents)
-        field = without_floating_pieces(field, count, body)
+    field = with_room_to_move(field, joints, parts.layout.parents)
+    field = without_floating_pieces(field, count, body)
     return with_lost_parts(field, whole), boxed, notes + told
 
 
