@@ -7,9 +7,9 @@ from fields import AT, N, assert_same, block, box_of, copy_of, field_of, place_o
 from scipy import ndimage
 
 from uniart_jax.objects.kinematics import Joint
-from uniart_jax.voxels.cleanup.found_boards import with_boards
+from uniart_jax.voxels.cleanup.layout_boards import with_boards
 from uniart_jax.voxels.cleanup.trays import THICK, trays
-from uniart_jax.voxels.closing import closing_of
+from uniart_jax.voxels.closed_pose import closing_of
 
 CASE, ROOM = ((14.3, 8.3, 8.3), (56.3, 56.3, 56.3)), ((13.0, 11.3, 11.3), (53.3, 53.3, 53.3))
 DOOR = ((10.3, 8.3, 8.3), (14.1, 56.3, 56.3))

@@ -9,21 +9,21 @@ import numpy as np
 import trimesh
 
 from uniart_jax.objects.kinematics import Joint
-from uniart_jax.voxels.cleanup.clearance import with_meshes, with_room_to_move
 from uniart_jax.voxels.cleanup.drums import drums, with_drums
 from uniart_jax.voxels.cleanup.flat_faces import with_flat_faces
-from uniart_jax.voxels.cleanup.found_boards import with_boards
-from uniart_jax.voxels.cleanup.found_legs import with_legs
-from uniart_jax.voxels.cleanup.found_panels import with_panels
-from uniart_jax.voxels.cleanup.legs import with_whole_legs
+from uniart_jax.voxels.cleanup.layout_boards import with_boards
+from uniart_jax.voxels.cleanup.layout_legs import with_legs
+from uniart_jax.voxels.cleanup.layout_panels import with_panels
 from uniart_jax.voxels.cleanup.loose_parts import with_lost_parts, without_floating_pieces
 from uniart_jax.voxels.cleanup.primitive_parts import in_front
+from uniart_jax.voxels.cleanup.room_to_move import with_meshes, with_room_to_move
 from uniart_jax.voxels.cleanup.rooms import with_clean_rooms
 from uniart_jax.voxels.cleanup.round_doors import round_doors, with_round_doors
 from uniart_jax.voxels.cleanup.solids_of_revolution import with_revolutions
+from uniart_jax.voxels.cleanup.straight_legs import with_whole_legs
 from uniart_jax.voxels.cleanup.trays import trays
 from uniart_jax.voxels.cleanup.walls import with_whole_walls
-from uniart_jax.voxels.closing import closing_of
+from uniart_jax.voxels.closed_pose import closing_of
 from uniart_jax.voxels.isosurface import DenseField
 from uniart_jax.voxels.layout import Layout
 from uniart_jax.voxels.opening_direction import still_parts

@@ -12,7 +12,7 @@ from collections.abc import Collection, Sequence
 import numpy as np
 
 from uniart_jax.objects.kinematics import Joint
-from uniart_jax.voxels.closing import moved
+from uniart_jax.voxels.closed_pose import moved
 from uniart_jax.voxels.isosurface import DenseField, to_cells, to_points
 from uniart_jax.voxels.joint_code import box_corners
 from uniart_jax.voxels.opening_direction import center_of, closed_end, opens_to
@@ -42,7 +42,7 @@ def trays(
     Args:
       field: as it is drawn. boxes: [K, 6] centre and size of the first K parts, object units.
       joints, parents: theirs. body: owners that do not move. closed: [K, 3, 4] motions that close
-        doors (``closing.closing_of``). rows: the parts that may be racks.
+        doors (``closed_pose.closing_of``). rows: the parts that may be racks.
     """
     rows = [k for k in rows if joints[k].type == "prismatic" and parents[k] in body]
     if not rows:

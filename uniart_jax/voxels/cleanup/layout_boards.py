@@ -15,7 +15,7 @@ from scipy import ndimage
 
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.voxels.cleanup.align_open_parts import resampled
-from uniart_jax.voxels.cleanup.found_panels import BESIDE, FARTHEST, aligned, distance_to, fitted
+from uniart_jax.voxels.cleanup.layout_panels import BESIDE, FARTHEST, aligned, distance_to, fitted
 from uniart_jax.voxels.isosurface import ZERO, DenseField, to_cells
 from uniart_jax.voxels.opening_direction import opens_to
 
@@ -60,7 +60,7 @@ def with_boards(
     Args:
       boards: [N, 6] lower and upper corners, object units, of some owners. joints: of all owners.
       body: owners that do not move. motions: [3, 4] of the owners whose boards are told elsewhere
-        than they are shown, to there: doors that stand ajar (``voxels.closing``), object units.
+        than they are shown, to there: doors that stand ajar (``voxels.closed_pose``), object units.
       exact: parts are their boards as they are told, whatever is drawn of them, and nothing else
         of them stays.
 

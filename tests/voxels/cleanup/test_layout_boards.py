@@ -10,7 +10,7 @@ from scipy import ndimage
 from uniart_jax import procedural
 from uniart_jax.data.panels import boards_of
 from uniart_jax.objects.kinematics import Joint
-from uniart_jax.voxels.cleanup.found_boards import with_boards
+from uniart_jax.voxels.cleanup.layout_boards import with_boards
 from uniart_jax.voxels.isosurface import dense_field, with_sources
 from uniart_jax.voxels.opening_direction import still_parts
 from uniart_jax.voxels.voxelize import voxelize
