@@ -194,7 +194,7 @@ MUTANTS = (
     ),
     Mutant(
         ROOMS,
-        "                straighten_rim(field, still, fronts[-1])\n",
+        "                straighten_rim(field, body, fronts[-1])\n",
         "",
         "tests/voxels/cleanup/test_drawers.py"
         "::test_the_frame_around_a_closed_drawers_front_is_straight_and_that_of_an_open_one_stays",

@@ -54,7 +54,7 @@ def test_a_rack_becomes_a_tray_that_fills_its_box(side, pulled):
     before = copy_of(field)
     found = of(field, boxes, joints, closed)
     assert list(found) == [2] and found[2].shape == (5, 6)
-    after, built = with_boards(field, found, joints, [0], exact=True)
+    after, built = with_boards(field, joints, [0], found, exact=True)
     assert built == {2}
     assert_same(field, before)
     tray = solid_of(after, 2)
@@ -133,5 +133,5 @@ def test_exact_boards_are_built_whatever_is_drawn():
     field, boxes, joints, closed = machine()
     found = of(field, boxes, joints, closed)
     field.sdf[:, 24:][solid_of(field, 2)[:, 24:]] = 2  # but for a strip at one side
-    assert with_boards(field, found, joints, [0])[1] == frozenset()
-    assert with_boards(field, found, joints, [0], exact=True)[1] == {2}
+    assert with_boards(field, joints, [0], found)[1] == frozenset()
+    assert with_boards(field, joints, [0], found, exact=True)[1] == {2}

@@ -17,8 +17,9 @@ last, ``passes.cleaned`` calls all between, in this order:
     room_to_move          what stands in the way of a moving part is taken off
     loose_parts           parts that hang in the air are moved until they touch the others
 
-Each takes a ``DenseField`` (``isosurface``), or meshes, and returns another. ``assemble``, which
-has no layout, calls ``loose_parts`` alone.
+Each takes a ``DenseField`` (``isosurface``), or meshes, and returns another. Arguments come in one
+order, of which each takes what it needs: field, boxes, joints, parents, body (parts that no joint
+moves), then what is its own. ``assemble``, which has no layout, calls ``loose_parts`` alone.
 
 Modules that are no passes, and the passes that use them:
 

@@ -183,11 +183,11 @@ def _radius(shape: tuple[int, ...], axis: int, middle: np.ndarray) -> np.ndarray
     return np.hypot(u[:, None] - middle[0], v[None] - middle[1])
 
 
-def with_drums(field: DenseField, found: Sequence[Drum], body: Sequence[int]) -> DenseField:
+def with_drums(field: DenseField, body: Sequence[int], found: Sequence[Drum]) -> DenseField:
     """A field whose drums are hollow and round, and open through a round hole.
 
     Args:
-      found: of the same field (``drums``). body: owners that do not move.
+      body: owners that do not move. found: of the same field (``drums``).
 
     Returns:
       A new field; cells of moving parts but the drums are as they were.

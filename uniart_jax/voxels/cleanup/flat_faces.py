@@ -69,7 +69,7 @@ def with_flat_faces(
     field: DenseField,
     boxes: np.ndarray,
     joints: Sequence[Joint] = (),
-    carries: Sequence[int] = (),
+    parents: Sequence[int] = (),
     body: Sequence[int] = (),
 ) -> DenseField:
     """A field whose parts' nearly flat faces are flat.
@@ -77,8 +77,8 @@ def with_flat_faces(
     Args:
       boxes: [K, 6] centre and size of each part, object units. joints: [K]; what turns on one and
         is shown turned is made flat as it lies straight (``align_open_parts``); what is drawn as a
-        plate, open or closed, is completed. carries: parts that others hang on. body: parts that do
-        not move; what of them lies within a closed door's plate is the door's.
+        plate, open or closed, is completed. parents: of all parts. body: parts that do not move;
+        what of them lies within a closed door's plate is the door's.
 
     Returns:
       A new field. No other cell that is solid in another part of ``field`` becomes a part's, but
@@ -89,7 +89,7 @@ def with_flat_faces(
     inner = (slice(1, -1),) * 3
     taken[inner] = np.where(field.sdf < 0, field.owner, -1)[inner]
     cells = sdf.shape[0] - 2
-    turns = _turns(field, boxes, joints, carries, body)
+    turns = _turns(field, boxes, joints, parents, body)
     for part, (centre, size) in enumerate(zip(boxes[:, :3], boxes[:, 3:], strict=True)):
         if part in turns and _turned((sdf, owner, source, taken), part, turns[part], body):
             continue
@@ -109,20 +109,20 @@ def _turns(
     field: DenseField,
     boxes: np.ndarray,
     joints: Sequence[Joint],
-    carries: Sequence[int],
+    parents: Sequence[int],
     body: Sequence[int],
 ) -> dict[int, Turn]:
-    """Of the parts that turn on a hinge along the lattice."""
+    """Of the parts that turn on a hinge along the lattice; what carries others as it is drawn."""
     size = field.sdf.shape[0] - 2
     inside = np.argwhere((field.sdf < 0) & np.isin(field.owner, body))
     turns, doors = {}, {}
     for part, joint in enumerate(joints):
         cells = np.argwhere((field.sdf < 0) & (field.owner == part))
         if not len(inside):
-            turns[part] = turn_of(cells, boxes[part], joint, size, part not in carries)
+            turns[part] = turn_of(cells, boxes[part], joint, size, part not in parents)
         else:
             center = center_of(inside, size)
-            doors[part] = door_of(cells, boxes[part], joint, size, center, part not in carries)
+            doors[part] = door_of(cells, boxes[part], joint, size, center, part not in parents)
     turns |= without_overlap({k: door for k, door in doors.items() if door is not None})
     return {k: turn for k, turn in turns.items() if turn is not None}
 

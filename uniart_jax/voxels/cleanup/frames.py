@@ -32,12 +32,12 @@ RECTANGLE, SLOT = 0.9, 3  # gaps that fill so much of a rectangle, and are so wi
 THICKNESS = 2  # cells that close gaps
 
 
-def with_flat_frames(field: DenseField, fronts: Sequence[Front], body: Sequence[int]) -> None:
+def with_flat_frames(field: DenseField, body: Sequence[int], fronts: Sequence[Front]) -> None:
     """In place: the frames around closed doors and drawers.
 
     Args:
-      fronts: boxes of the plates, where they lie when they are closed. body: parts that do not
-        move.
+      body: owners that do not move. fronts: boxes of the plates, where they lie when they are
+        closed.
     """
     inside = np.argwhere((field.sdf < 0) & np.isin(field.owner, body))
     if not len(inside):

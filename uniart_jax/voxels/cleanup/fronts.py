@@ -169,10 +169,10 @@ def closed_door(cells: np.ndarray, box: np.ndarray, joint: Joint, body: np.ndarr
     return Front(*opening, low, high) if covered.mean() >= SHUT else None
 
 
-def straighten_rim(field: DenseField, parts: Sequence[int], door: Front) -> None:
-    """In place: each layer of ``parts`` around a closed door is all frame, or all free."""
+def straighten_rim(field: DenseField, body: Sequence[int], door: Front) -> None:
+    """In place: each layer of ``body``'s parts around a closed door is all frame, or all free."""
     there = np.flatnonzero(
-        ((field.sdf < 0) & np.isin(field.owner, parts)).any(tuple({0, 1, 2} - {door.axis}))
+        ((field.sdf < 0) & np.isin(field.owner, body)).any(tuple({0, 1, 2} - {door.axis}))
     )
     if not len(there):
         return
@@ -187,7 +187,7 @@ def straighten_rim(field: DenseField, parts: Sequence[int], door: Front) -> None
             window = [slice(a, b) for a, b in zip(low, high, strict=True)]
             window[axis] = slice(at, at + 1)
             sdf, owner = field.sdf[tuple(window)], field.owner[tuple(window)]
-            solid, mine = sdf < 0, np.isin(owner, parts)
+            solid, mine = sdf < 0, np.isin(owner, body)
             ours = solid & mine
             if ours.sum() > MOST * (~solid | mine).sum():
                 owner[~solid] = np.bincount(owner[ours]).argmax()
@@ -196,7 +196,7 @@ def straighten_rim(field: DenseField, parts: Sequence[int], door: Front) -> None
                 sdf[ours] = HALF_CELL
 
 
-def whole_door(field: DenseField, part: int, body: Sequence[int], door: Front) -> None:
+def whole_door(field: DenseField, body: Sequence[int], part: int, door: Front) -> None:
     """In place: a door that is shown closed, and is a plate, as a whole one: each of its layers is
     all door where most of it is, and teeth beside these and little ridges behind them go."""
     margin = np.full(3, RIM)
@@ -252,7 +252,7 @@ def drawer_front(
 
 
 def whole_front(
-    field: DenseField, part: int, body: Sequence[int], drawer: Front
+    field: DenseField, body: Sequence[int], part: int, drawer: Front
 ) -> tuple[int, int]:
     """In place: the front of a drawer as a whole plate where most of it is drawn; what of the body
     lies in it is the drawer's.

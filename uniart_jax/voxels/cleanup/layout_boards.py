@@ -42,9 +42,9 @@ WALL, REACH = 0.4, 0.25  # of a layer that is a wall's; of what a drawer enclose
 
 def with_boards(
     field: DenseField,
-    boards: Mapping[int, np.ndarray],
     joints: Sequence[Joint],
     body: Sequence[int],
+    boards: Mapping[int, np.ndarray],
     motions: Mapping[int, np.ndarray] | None = None,
     exact: bool = False,
 ) -> tuple[DenseField, frozenset[int]]:
@@ -58,9 +58,9 @@ def with_boards(
     of the body within it go.
 
     Args:
-      boards: [N, 6] lower and upper corners, object units, of some owners. joints: of all owners.
-      body: owners that do not move. motions: [3, 4] of the owners whose boards are told elsewhere
-        than they are shown, to there: doors that stand ajar (``voxels.closed_pose``), object units.
+      joints: of all owners. body: owners that do not move. boards: [N, 6] lower and upper corners,
+        object units, of some owners. motions: [3, 4] of those whose boards are told elsewhere than
+        they are shown, to there: doors that stand ajar (``voxels.closed_pose``), object units.
       exact: parts are their boards as they are told, whatever is drawn of them, and nothing else
         of them stays.
 

@@ -56,10 +56,14 @@ class FieldParts:
         return list(self.layout.joints[: self.shown])
 
     @property
+    def still(self) -> list[int]:
+        """Ids of parts that no joint moves."""
+        return still_parts(self.layout.parents, self.layout.joints)
+
+    @property
     def body(self) -> list[int]:
-        """Ids of parts that voxels show and no joint moves."""
-        still = still_parts(self.layout.parents, self.layout.joints)
-        return [k for k in still if k < self.shown]
+        """Those that voxels show."""
+        return [k for k in self.still if k < self.shown]
 
     @property
     def boards(self) -> dict[int, np.ndarray]:
@@ -95,9 +99,9 @@ def cleaned(
     joints, count = parts.layout.joints, len(parts.layout)
     boxed = [in_front(one, joints[parts.shown + k], field) for k, one in enumerate(boxed)]
     field = whole = with_meshes(field, boxed, parts.shown)
-    field = without_floating_pieces(field, count, body)
+    field = without_floating_pieces(field, body, count)
     field = with_room_to_move(field, joints, parts.layout.parents)
-    field = without_floating_pieces(field, count, body)
+    field = without_floating_pieces(field, body, count)
     return with_lost_parts(field, whole), boxed, notes + told
 
 
@@ -119,14 +123,14 @@ def _with_shapes(field: DenseField, parts: FieldParts) -> tuple[DenseField, list
         field = with_whole_legs(field, body)
     else:
         field = with_legs(field, body, layout.legs)
-    field = with_clean_rooms(field, boxes, layout.joints, layout.parents)
+    field = with_clean_rooms(field, boxes, joints, layout.parents, parts.still)
     discs = round_doors(drawn, boxes, joints, body)
-    field = with_round_doors(field, discs, body)
+    field = with_round_doors(field, body, discs)
     turning = drums(field, boxes, joints, body)
-    field = with_drums(field, turning, body)
+    field = with_drums(field, body, turning)
     left -= {other.part for other in (*discs, *turning)}
     outlines = {k: own for k, own in parts.revolutions.items() if k in left}
-    field, rounded = with_revolutions(field, drawn, boxes, outlines)
+    field, rounded = with_revolutions(field, boxes, drawn, outlines)
     notes += [
         f"revolution of part {parts.numbers[k]} of the layout left out: voxels show another shape"
         for k in sorted(outlines.keys() - set(rounded))
@@ -139,21 +143,21 @@ def _with_boards_and_trays(
 ) -> tuple[DenseField, list[str], set[int]]:
     """Parts that move built of the layout's boards, racks made trays; notes, and ids of the parts
     that are neither."""
-    layout, boxes, body = parts.layout, parts.boxes, parts.body
+    layout, boxes, joints, body = parts.layout, parts.boxes, parts.joints, parts.body
     closed = closing_of(layout.joints, layout.boxes, layout.parents)
     left, notes = set(range(parts.shown)), []
     boards = {k: own for k, own in parts.boards.items() if k not in body}
     if boards:
         ajar = {k: closed[k] for k in boards if (closed[k] != np.eye(3, 4)).any()}
-        field, built = with_boards(field, boards, layout.joints, body, ajar)
+        field, built = with_boards(field, joints, body, boards, ajar)
         left -= built
         notes = [
             f"boards of part {parts.numbers[k]} of the layout left out: voxels show another shape"
             for k in sorted(boards.keys() - built)
         ]
-    racks = trays(field, boxes, layout.joints, layout.parents, body, closed, left)
+    racks = trays(field, boxes, joints, layout.parents, body, closed, left)
     if racks:
-        field, _ = with_boards(field, racks, layout.joints, body, exact=True)
+        field, _ = with_boards(field, joints, body, racks, exact=True)
         left -= racks.keys()
         notes += [f"part {parts.numbers[k]} of the layout made a tray" for k in racks]
     return field, notes, left

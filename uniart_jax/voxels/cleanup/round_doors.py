@@ -56,20 +56,20 @@ class Disc(NamedTuple):
 
 
 def round_doors(
-    drawn: DenseField, boxes: np.ndarray, joints: Sequence[Joint], body: Sequence[int]
+    field: DenseField, boxes: np.ndarray, joints: Sequence[Joint], body: Sequence[int]
 ) -> list[Disc]:
     """Doors that a network draws round. Upright ones turn about an upright hinge.
 
     Args:
-      drawn: as the network draws it, before any face is made flat. boxes: [K, 6] centre and size of
+      field: as the network draws it, before any face is made flat. boxes: [K, 6] centre and size of
         the first K parts, object units. joints: theirs. body: owners that do not move.
     """
-    solid = drawn.sdf < 0
-    still = np.argwhere(solid & np.isin(drawn.owner, body))
-    size = drawn.sdf.shape[0] - 2
+    solid = field.sdf < 0
+    still = np.argwhere(solid & np.isin(field.owner, body))
+    size = field.sdf.shape[0] - 2
     found = []
     for part, (box, joint) in enumerate(zip(boxes, joints, strict=True)):
-        cells = np.argwhere(solid & (drawn.owner == part))
+        cells = np.argwhere(solid & (field.owner == part))
         if joint.type != "revolute" or part in body or not len(cells) or not len(still):
             continue
         turn = turn_of(cells, box, joint, size, True, center_of(still, size))
@@ -129,12 +129,12 @@ def _on_face(cells: np.ndarray, turn: Turn) -> tuple[np.ndarray, np.ndarray]:
     return places[0], places[1]
 
 
-def with_round_doors(field: DenseField, discs: Sequence[Disc], body: Sequence[int]) -> DenseField:
+def with_round_doors(field: DenseField, body: Sequence[int], discs: Sequence[Disc]) -> DenseField:
     """A field whose round doors are round, closed around by what does not move where they are shown
     closed.
 
     Args:
-      discs: of the same shown state (``round_doors``). body: owners that do not move.
+      body: owners that do not move. discs: of the same shown state (``round_doors``).
 
     Returns:
       A new field.

@@ -83,15 +83,15 @@ class _Outline:
 
 def with_revolutions(
     field: DenseField,
-    drawn: DenseField,
     boxes: np.ndarray,
+    drawn: DenseField,
     revolutions: Mapping[int, Revolution],
 ) -> tuple[DenseField, list[int]]:
     """A field whose parts ``revolutions`` are solids of revolution.
 
     Args:
-      field: of the shown state. drawn: the same before other passes. boxes: [K, 6] centre and size
-        of the first K parts, object units. revolutions: outlines of some of them.
+      field: of the shown state. boxes: [K, 6] centre and size of the first K parts, object units.
+      drawn: the field before other passes. revolutions: outlines of some of the parts.
 
     Returns:
       A new field, in which solid cells of other parts are as they were, but for outer walls of
