@@ -42,8 +42,8 @@ INTERVAL = (
 PHOTOGRAPHS = "uniart_jax/data/photographs.py"
 REFRAMED = "tests/data/test_photographs.py::test_the_camera_code_is_that_of_the_new_crop"
 DRUMS, ROOMS = "uniart_jax/voxels/cleanup/drums.py", "uniart_jax/voxels/cleanup/rooms.py"
-FOUND_PANELS = "uniart_jax/voxels/cleanup/found_panels.py"
-FOUND_BOARDS = "uniart_jax/voxels/cleanup/found_boards.py"
+LAYOUT_PANELS = "uniart_jax/voxels/cleanup/layout_panels.py"
+LAYOUT_BOARDS = "uniart_jax/voxels/cleanup/layout_boards.py"
 SCENES = "uniart_jax/data/scenes.py"
 FRONTS, MASKS = "uniart_jax/voxels/cleanup/fronts.py", "uniart_jax/inference/masks.py"
 IS_DRUM = "tests/voxels/cleanup/test_drums.py::test_what_is_no_drum_is_left"
@@ -70,16 +70,16 @@ MUTANTS = (
         "tests/voxels/cleanup/test_drawers.py::test_the_walls_of_a_drawer_end_at_one_height",
     ),
     Mutant(
-        FOUND_PANELS,
+        LAYOUT_PANELS,
         "    if not _agree(field.sdf < 0, solid, distance, legs):\n",
         "    if False:\n",
-        "tests/voxels/cleanup/test_found_panels.py::test_panels_of_another_body_are_not_taken",
+        "tests/voxels/cleanup/test_layout_panels.py::test_panels_of_another_body_are_not_taken",
     ),
     Mutant(
-        FOUND_PANELS,
+        LAYOUT_PANELS,
         "GAP, OVER = 12.0, 3.0",
         "GAP, OVER = 12.0, 12.0",
-        "tests/voxels/cleanup/test_found_panels.py::test_what_is_true_is_not_cut",
+        "tests/voxels/cleanup/test_layout_panels.py::test_what_is_true_is_not_cut",
     ),
     Mutant(
         "uniart_jax/inference/layouts.py",
@@ -101,16 +101,16 @@ MUTANTS = (
         "test_boards_are_averaged_with_those_of_the_same_part",
     ),
     Mutant(
-        FOUND_BOARDS,
+        LAYOUT_BOARDS,
         "    shown = np.moveaxis(solid, axis, 0)[layers]\n",
         "    layers = slice(None)\n    shown = np.moveaxis(solid, axis, 0)\n",
-        "tests/voxels/cleanup/test_found_boards.py::test_a_back_does_not_stand_for_a_front",
+        "tests/voxels/cleanup/test_layout_boards.py::test_a_back_does_not_stand_for_a_front",
     ),
     Mutant(
-        FOUND_BOARDS,
+        LAYOUT_BOARDS,
         "            boards[whole, axis + 3] += shift\n",
         "",
-        "tests/voxels/cleanup/test_found_boards.py"
+        "tests/voxels/cleanup/test_layout_boards.py"
         "::test_walls_of_a_drawer_that_is_drawn_narrower_move_as_they_are",
     ),
     Mutant(
@@ -120,16 +120,16 @@ MUTANTS = (
         "tests/voxels/cleanup/test_trays.py::test_what_no_door_covers_is_no_rack",
     ),
     Mutant(
-        "uniart_jax/voxels/cleanup/found_legs.py",
+        "uniart_jax/voxels/cleanup/layout_legs.py",
         "far & (before > FEW * after)",
         "far & (before > 9 * after)",
-        "tests/voxels/cleanup/test_found_legs.py::test_a_board_within_a_body_that_is_drawn_to_the_floor_is_not_where_it_begins",
+        "tests/voxels/cleanup/test_layout_legs.py::test_a_board_within_a_body_that_is_drawn_to_the_floor_is_not_where_it_begins",
     ),
     Mutant(
-        "uniart_jax/voxels/cleanup/found_legs.py",
+        "uniart_jax/voxels/cleanup/layout_legs.py",
         "np.minimum(tops + max(end - told, 0), end)",
         "np.minimum(tops + end - told, end)",
-        "tests/voxels/cleanup/test_found_legs.py::test_a_leg_that_is_told_short_stays_where_the_others_are_told_too_long",
+        "tests/voxels/cleanup/test_layout_legs.py::test_a_leg_that_is_told_short_stays_where_the_others_are_told_too_long",
     ),
     Mutant(
         "uniart_jax/inference/certainty.py",
@@ -138,10 +138,10 @@ MUTANTS = (
         "tests/inference/test_certainty.py::test_rows_that_do_not_exist_hardly_count",
     ),
     Mutant(
-        "uniart_jax/voxels/cleanup/found_legs.py",
+        "uniart_jax/voxels/cleanup/layout_legs.py",
         "    alone = alone and not _on_others(",
         "    alone = alone or _on_others(",
-        "tests/voxels/cleanup/test_found_legs.py::test_plates_that_are_drawn_in_their_stead_stay",
+        "tests/voxels/cleanup/test_layout_legs.py::test_plates_that_are_drawn_in_their_stead_stay",
     ),
     Mutant(
         "uniart_jax/voxels/cleanup/primitive_parts.py",
@@ -163,22 +163,22 @@ MUTANTS = (
         "::test_without_weights_all_that_is_there_counts_the_same",
     ),
     Mutant(
-        FOUND_BOARDS,
+        LAYOUT_BOARDS,
         "    _joined(placed)\n",
         "",
-        "tests/voxels/cleanup/test_found_boards.py::test_boards_that_hang_in_the_air_reach_the_door",
+        "tests/voxels/cleanup/test_layout_boards.py::test_boards_that_hang_in_the_air_reach_the_door",
     ),
     Mutant(
-        FOUND_BOARDS,
+        LAYOUT_BOARDS,
         "    _as_wide(placed, drawn, [a for a in range(3) if a != axis])\n",
         "",
-        "tests/voxels/cleanup/test_found_boards.py::test_a_door_is_as_wide_as_it_is_drawn",
+        "tests/voxels/cleanup/test_layout_boards.py::test_a_door_is_as_wide_as_it_is_drawn",
     ),
     Mutant(
-        "uniart_jax/voxels/closing.py",
+        "uniart_jax/voxels/closed_pose.py",
         "xp.where(volumes[1] < volumes[0], angles[..., 1], angles[..., 0])",
         "angles[..., 0]",
-        "tests/voxels/test_closing_doors.py::test_procedural_doors_close",
+        "tests/voxels/test_closed_pose.py::test_procedural_doors_close",
     ),
     Mutant(
         "uniart_jax/models/box_sets.py",
@@ -194,30 +194,30 @@ MUTANTS = (
     ),
     Mutant(
         ROOMS,
-        "                straighten_rim(field, still, fronts[-1])\n",
+        "                straighten_rim(field, body, fronts[-1])\n",
         "",
         "tests/voxels/cleanup/test_drawers.py"
         "::test_the_frame_around_a_closed_drawers_front_is_straight_and_that_of_an_open_one_stays",
     ),
     Mutant(
-        FOUND_BOARDS,
+        LAYOUT_BOARDS,
         "            if free.mean() < CRUMBS:\n",
         "            if False:\n",
-        "tests/voxels/cleanup/test_found_boards.py"
+        "tests/voxels/cleanup/test_layout_boards.py"
         "::test_the_body_has_nothing_in_a_drawer_and_keeps_its_outer_walls",
     ),
     Mutant(
-        FOUND_BOARDS,
+        LAYOUT_BOARDS,
         "            kept |= _standing_out(found, solid, *way)\n",
         "            pass\n",
-        "tests/voxels/cleanup/test_found_boards.py"
+        "tests/voxels/cleanup/test_layout_boards.py"
         "::test_a_handle_that_has_no_board_stays_and_a_ragged_front_does_not",
     ),
     Mutant(
-        FOUND_BOARDS,
+        LAYOUT_BOARDS,
         "found, rooms[k] = _between_walls(found, held, *way)",
         "_, rooms[k] = _between_walls(found, held, *way)",
-        "tests/voxels/cleanup/test_found_boards.py"
+        "tests/voxels/cleanup/test_layout_boards.py"
         "::test_a_drawer_stays_between_walls_that_are_not_the_bodys_ends",
     ),
     Mutant(
@@ -544,7 +544,7 @@ MUTANTS = (
         "::test_rubble_is_brought_forward_and_a_niche_with_a_ground_is_not",
     ),
     Mutant(
-        "uniart_jax/voxels/cleanup/clearance.py",
+        "uniart_jax/voxels/cleanup/room_to_move.py",
         "    much = (lines > 0).sum(0) > LINE * len(lines)\n",
         "    much = (lines > 0).sum(0) > len(lines)\n",
         "tests/voxels/cleanup/test_room_to_move.py"

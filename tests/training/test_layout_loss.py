@@ -1,6 +1,7 @@
 """Matching and losses of the layout network: invariances, and scipy's optimum."""
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from copies import replaced
@@ -9,11 +10,10 @@ from scipy.optimize import linear_sum_assignment
 from uniart_jax.config import LayoutConfig, ModelConfig, StageConfig
 from uniart_jax.models.network import build
 from uniart_jax.training.layout_loss import layout_losses, match_cost
-from uniart_jax.training.losses import to_corners
 from uniart_jax.training.matching import match
 from uniart_jax.training.state import create_state, make_optimizer
 from uniart_jax.training.step import make_train_step
-from uniart_jax.voxels.joint_code import gauge_variants
+from uniart_jax.voxels.joint_code import box_corners, gauge_variants
 from uniart_jax.voxels.revolution_table import RADII, Revolution, revolution_rows
 from uniart_jax.voxels.typed_batches import LayoutBatch
 
@@ -172,7 +172,8 @@ def test_boards_are_in_the_loss_at_the_query_of_their_part(setting):
 
     @jax.jit
     def matched(parts, batch):
-        return match(match_cost(parts, to_corners(batch.boxes), batch.codes), batch.part_counts)
+        cost = match_cost(parts, box_corners(batch.boxes, jnp), batch.codes)
+        return match(cost, batch.part_counts)
 
     query = np.asarray(matched(out["parts"], batch))
     lower, size = np.random.default_rng(4).random((2, 2, K, 3, 3), np.float32)
@@ -203,7 +204,8 @@ def test_revolutions_are_in_the_loss_at_the_query_of_their_part(setting):
 
     @jax.jit
     def matched(parts, batch):
-        return match(match_cost(parts, to_corners(batch.boxes), batch.codes), batch.part_counts)
+        cost = match_cost(parts, box_corners(batch.boxes, jnp), batch.codes)
+        return match(cost, batch.part_counts)
 
     query = np.asarray(matched(out["parts"], batch))
     round_one = Revolution(1, np.array([0.1, -0.2]), np.full(RADII, 0.3))

@@ -19,7 +19,7 @@ import numpy as np
 
 from uniart_jax.data.bodies import as_manifold, body_rows, body_solids
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.voxels.closing import closing_of
+from uniart_jax.voxels.closed_pose import closing_of
 from uniart_jax.voxels.leg_table import Legs
 from uniart_jax.voxels.panel_table import Panels
 from uniart_jax.voxels.part_table import MOST_BOARDS, MOST_PANELS
@@ -74,7 +74,7 @@ def panels_of(obj: ArticulatedObject, legs: Legs | None = None) -> Panels | None
 
 
 def boards_of(obj: ArticulatedObject) -> list[Panels | None]:
-    """The boards of each part, of a door as it lies closed (``voxels.closing``), else as it is
+    """The boards of each part, of a door as it lies closed (``voxels.closed_pose``), else as it is
     shown; ``MOST_BOARDS`` at most. None of the body, of what is narrow (``NARROW``), and of a mesh
     that is not closed."""
     joints, parents = [part.joint for part in obj.parts], [part.parent for part in obj.parts]

@@ -15,9 +15,10 @@ import numpy as np
 import trimesh
 from trimesh.visual import ColorVisuals
 
-from uniart_jax.evaluation.parts import corners, match_parts
+from uniart_jax.evaluation.parts import match_parts
 from uniart_jax.objects.appearance import corner_weights, linear_to_srgb, sample_color
 from uniart_jax.objects.object import ArticulatedObject
+from uniart_jax.voxels.joint_code import box_corners
 
 POINTS = 1000  # a part
 NEUTRAL = 2.5 / 255  # sRGB: what counts as one colour, and as gray
@@ -54,7 +55,7 @@ def with_materials(obj: ArticulatedObject, ref: ArticulatedObject) -> Articulate
     bits of sRGB as colours of meshes are.
     """
     match, _ = match_parts(obj.boxes, ref.boxes)
-    between = corners(obj.boxes)[:, None] - corners(ref.boxes)[None]
+    between = box_corners(obj.boxes)[:, None] - box_corners(ref.boxes)[None]
     source = np.linalg.norm(between, axis=-1).argmin(1)
     source[match[match >= 0]] = np.flatnonzero(match >= 0)
     means = [surface_colors(p.mesh).mean(0, dtype=np.float64) for p in ref.parts]

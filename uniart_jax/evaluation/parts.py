@@ -24,13 +24,7 @@ from uniart_jax.objects.joint_errors import pivot_at_part, range_iou, signed_axi
 from uniart_jax.objects.kinematics import line_distance
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.objects.thresholds import FOUND, RIGHT_AXIS, RIGHT_BOX, RIGHT_PIVOT, WRONG_WAY
-
-
-def corners(boxes: np.ndarray) -> np.ndarray:
-    """[..., 6] (centre, size) to [..., 6] (lower, upper)."""
-    return np.concatenate(
-        [boxes[..., :3] - boxes[..., 3:] / 2, boxes[..., :3] + boxes[..., 3:] / 2], -1
-    )
+from uniart_jax.voxels.joint_code import box_corners
 
 
 def match_parts(predicted: np.ndarray, reference: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -43,7 +37,8 @@ def match_parts(predicted: np.ndarray, reference: np.ndarray) -> tuple[np.ndarra
       (match [K] index into predicted or -1, distance [K] L-infinity between corners, inf where
       unmatched).
     """
-    distance = np.abs(corners(predicted)[None] - corners(reference)[:, None]).max(-1)  # [K, P]
+    there, wanted = box_corners(predicted), box_corners(reference)
+    distance = np.abs(there[None] - wanted[:, None]).max(-1)  # [K, P]
     rows, columns = linear_sum_assignment(distance)
     match = np.full(len(reference), -1)
     match[rows] = columns

@@ -58,7 +58,6 @@ from uniart_jax.evaluation.box_overlap import (
 )
 from uniart_jax.evaluation.geometry import surface_points
 from uniart_jax.evaluation.metric import STATES, Figures, Metric
-from uniart_jax.evaluation.parts import corners
 from uniart_jax.evaluation.singapo_kinematics import (
     BoxTree,
     canonical_tree,
@@ -67,6 +66,7 @@ from uniart_jax.evaluation.singapo_kinematics import (
 )
 from uniart_jax.evaluation.surface import motions
 from uniart_jax.objects.object import ArticulatedObject
+from uniart_jax.voxels.joint_code import box_corners
 
 OWN_UNITS = True  # ``measure`` takes the objects as they were, too
 SURFACE_POINTS = 2_048  # a part
@@ -173,7 +173,7 @@ def fixed_figures(
     boxes_b = _thick(ref.boxes, thin)
     poses_a = onto @ motions(pred) @ back
     poses_b = motions(ref)
-    matches = match(corners(boxes_a), corners(boxes_b))
+    matches = match(box_corners(boxes_a), box_corners(boxes_b))
     i, j = _pairs(matches)
     a, b, a_to_b = boxes_a[i], boxes_b[j], np.linalg.inv(poses_b[:, j]) @ poses_a[:, i]
     shared = exact_intersection(a, b, a_to_b)

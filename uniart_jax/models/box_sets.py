@@ -23,7 +23,7 @@ from flax import nnx
 from uniart_jax.config import ModelConfig
 from uniart_jax.models.layout_layers import BANDS, DecoderLayer, read_boxes, sine_embedding
 from uniart_jax.nn.blocks import LayerNorm, linear, zeros
-from uniart_jax.voxels.closing import closed_boxes, closing, undone
+from uniart_jax.voxels.closed_pose import closed_boxes, closing, undone
 
 LEG_ROW = 10  # lower rectangle (x, y, x, y), upper rectangle, height of either
 PANEL_ROW = 6  # lower and upper corner, of a panel or a board
@@ -197,7 +197,7 @@ class PanelDecoder(BoxSetDecoder):
 
 class BoardDecoder(BoxSetDecoder):
     """``LayoutConfig.boards`` queries for each part P -> a set of boards a part and run, told in
-    shares of the part's box, of a door that stands ajar as it lies closed (``voxels.closing``).
+    shares of the part's box, of a door that stands ajar as it lies closed (``voxels.closed_pose``).
     Those of one part attend to one another and to all parts."""
 
     def __init__(self, config: ModelConfig, rngs: nnx.Rngs, dtype):

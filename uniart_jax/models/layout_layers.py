@@ -14,7 +14,7 @@ from uniart_jax.config import ModelConfig
 from uniart_jax.nn.attention import attend
 from uniart_jax.nn.blocks import MLP, LayerNorm, linear
 from uniart_jax.nn.lifting import project, read_map, sample_map
-from uniart_jax.voxels.closing import moved
+from uniart_jax.voxels.closed_pose import moved
 
 BANDS = 8  # of the sine embedding of a box
 # a unit box's centre, corners and centres of faces

@@ -6,8 +6,8 @@ from __future__ import annotations
 import jax
 import jax.numpy as jnp
 
-from uniart_jax.training.losses import to_corners
 from uniart_jax.training.matching import match
+from uniart_jax.voxels.joint_code import box_corners
 from uniart_jax.voxels.part_table import PartTable
 from uniart_jax.voxels.typed_batches import VoxelBatch
 
@@ -41,7 +41,7 @@ def matching_rows(found: PartTable, boxes: jax.Array, part_counts: jax.Array) ->
     Args:
       boxes: [B, K, 6] of the true parts. part_counts: [B].
     """
-    corners, true = to_corners(found.boxes), to_corners(boxes)
+    corners, true = box_corners(found.boxes, jnp), box_corners(boxes, jnp)
     apart = jnp.abs(corners[:, :, None] - true[:, None])  # [B, row, part, 6]
     there = jnp.arange(corners.shape[1]) < found.counts[:, None]
     cost = jnp.where(there[..., None], apart.mean(-1), NOBODYS_ROW)

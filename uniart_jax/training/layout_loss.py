@@ -21,10 +21,11 @@ import jax.numpy as jnp
 from uniart_jax.config import Config
 from uniart_jax.models.network import Network
 from uniart_jax.training.leg_loss import leg_losses
-from uniart_jax.training.losses import binary_cross_entropy, joint_code_loss, to_corners
+from uniart_jax.training.losses import binary_cross_entropy, joint_code_loss
 from uniart_jax.training.matching import match
 from uniart_jax.training.panel_loss import board_losses, panel_losses
 from uniart_jax.training.revolution_loss import revolution_losses
+from uniart_jax.voxels.joint_code import box_corners
 from uniart_jax.voxels.typed_batches import LayoutBatch, has_parts_alone
 
 BOX, CODE, COLOR, PARENT, CAMERA = 5.0, 5.0, 0.3, 0.3, 2.0
@@ -50,7 +51,7 @@ def layout_losses(out: dict[str, Any], batch: LayoutBatch) -> dict[str, jax.Arra
     """The loss's terms of a prediction: "box", "code", "exists", "color" (means over layers),
     "parent", "camera", and "loss"; where the network finds legs, panels, boards or revolutions,
     ``leg_losses``, ``panel_losses``, ``board_losses`` and ``revolution_losses`` too."""
-    corners, codes, counts = to_corners(batch.boxes), batch.codes, batch.part_counts
+    corners, codes, counts = box_corners(batch.boxes, jnp), batch.codes, batch.part_counts
     items, known = corners.shape[:2]
     valid = (jnp.arange(known) < counts[:, None]).astype(jnp.float32)
     weights = valid / jnp.maximum(counts, 1)[:, None] / items

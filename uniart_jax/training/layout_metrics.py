@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
+from scipy.special import expit
 
 from uniart_jax.objects.joint_errors import signed_axis_error
 from uniart_jax.objects.kinematics import line_distance
@@ -27,7 +28,7 @@ def layout_readings(
         inf without a match),
       and whether the number of parts is right.
     """
-    chosen = np.flatnonzero(1 / (1 + np.exp(-np.asarray(parts["exists"], np.float64))) > THRESHOLD)
+    chosen = np.flatnonzero(expit(np.asarray(parts["exists"], np.float64)) > THRESHOLD)
     corners, truth = parts["corners"][chosen], box_corners(boxes)
     distance = np.abs(corners[None] - truth[:, None]).max(-1)
     matches = dict(zip(*linear_sum_assignment(distance), strict=True))

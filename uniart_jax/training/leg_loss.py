@@ -33,8 +33,8 @@ def leg_losses(out: dict[str, Any], batch: LayoutBatch) -> dict[str, jax.Array]:
     """
     if batch.legs is None:
         raise ValueError("layout: layout.legs is above 0, but the batch has no legs")
-    row = LEG_ROW
-    rows, fill, plinth = batch.legs[..., :row], batch.legs[..., row], batch.legs[..., row + 1]
+    rows = batch.legs[..., :LEG_ROW]
+    fill, plinth = batch.legs[..., LEG_ROW], batch.legs[..., LEG_ROW + 1]
     items, most = rows.shape[:2]
     known = (batch.leg_counts >= 0).astype(jnp.float32)
     counts = jnp.maximum(batch.leg_counts, 0)

@@ -18,7 +18,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from uniart_jax.voxels.joint_code import gauge_variants
+from uniart_jax.voxels.joint_code import box_corners, gauge_variants
 
 # of parameters, a batch (``voxels.typed_batches``) and a key
 LossFn = Callable[[Any, Any, jax.Array], tuple[jax.Array, dict[str, jax.Array]]]
@@ -54,14 +54,7 @@ def joint_code_loss(predicted: jax.Array, target: jax.Array, delta: float) -> ja
 def box_loss(predicted: jax.Array, target: jax.Array, delta: float) -> jax.Array:
     """[...] mean Huber over a box [..., 6] (centre, size), measured on its lower and upper
     corners."""
-    return huber(to_corners(predicted) - to_corners(target), delta).mean(-1)
-
-
-def to_corners(boxes: jax.Array) -> jax.Array:
-    """Boxes [..., 6] (centre, size) as lower and upper corners [..., 6]."""
-    return jnp.concatenate(
-        [boxes[..., :3] - boxes[..., 3:] / 2, boxes[..., :3] + boxes[..., 3:] / 2], -1
-    )
+    return huber(box_corners(predicted, jnp) - box_corners(target, jnp), delta).mean(-1)
 
 
 def part_feature_loss(

@@ -11,7 +11,7 @@ from PIL import Image, ImageDraw
 
 from uniart_jax.visual.render import PART_COLORS
 from uniart_jax.voxels.camera_code import project
-from uniart_jax.voxels.closing import closing_of, moved, undone
+from uniart_jax.voxels.closed_pose import closing_of, moved, undone
 from uniart_jax.voxels.layout import Layout
 from uniart_jax.voxels.leg_table import Legs
 from uniart_jax.voxels.revolution_table import Revolution

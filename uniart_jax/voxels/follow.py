@@ -56,25 +56,14 @@ def row_of_subcells(grid: VoxelGrid, boxes: np.ndarray) -> np.ndarray:
 
 
 def assemble_layout(
-    grid: VoxelGrid,
-    layout: Layout,
-    *,
-    scale: float = 1.0,
-    name: str = "",
-    flat: bool = True,
-    room: bool = True,
+    grid: VoxelGrid, layout: Layout, *, scale: float = 1.0, name: str = ""
 ) -> ArticulatedObject:
-    """The object that the voxels show, with the layout's parts, tree and joints.
+    """The object that the voxels show, with the layout's parts, tree and joints. What networks draw
+    badly is mended first (``voxels.cleanup`` lists the passes).
 
     Args:
       grid: attributes on active voxels as a network gives them. layout: of the same shown state and
         frame.
-      flat: nearly flat faces are made flat (``flat_faces``), boards within the body are the
-        layout's panels (``found_panels``), parts that move its boards (``found_boards``), racks
-        trays (``trays``), legs are whole (``found_legs``, ``legs``), rooms behind doors and in
-        drawers boxes (``rooms``), what surrounds their fronts is flat (``frames``), and parts with
-        a revolution have its outline (``solids_of_revolution``).
-      room: what stands in the way of moving parts is taken off (``clearance``).
 
     Returns:
       Parts 'base', 'link_1', ..., parents first; every mesh is closed. A small row that voxels
@@ -96,7 +85,7 @@ def assemble_layout(
 
     def reshape(field: DenseField) -> DenseField:
         nonlocal boxed, unfollowed
-        field, boxed, unfollowed = cleaned(field, parts, boxed, flat, room)
+        field, boxed, unfollowed = cleaned(field, parts, boxed)
         return field
 
     pure = (chosen.owner == chosen.owner[:, :1]).all(1)

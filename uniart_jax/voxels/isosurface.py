@@ -37,6 +37,7 @@ from uniart_jax.objects.appearance import linear_to_srgb
 from uniart_jax.voxels.grid import PartGrid, VoxelGrid, connected, dilated, occupancy
 
 ZERO = 1e-4  # sub-cells; distances below this count as just inside
+HALF_CELL = 0.5  # sub-cells; distance, of either sign, of cells that a pass fills or clears
 # a sub-cell beside an inactive voxel counts as inside if its distance, extrapolated by one
 # sub-cell, is below minus this: in a solid distances fall on, in a wall that ends there they rise
 # (one of 2.2 sub-cells and more)
@@ -65,6 +66,21 @@ class DenseField:
     sdf: np.ndarray
     owner: np.ndarray
     source: np.ndarray
+
+
+def to_cells(points: Any, size: int) -> Any:
+    """Places [...] in object units -> cells [...] of a ``DenseField``, with fractions.
+
+    The grid has ``size`` = R r cells a side and spans -1/2 to 1/2; one cell of padding lies before
+    it. So cells 1 to ``size`` are the grid's, their centres are integers, and -1/2, the face
+    between the padding and the first of them, is at .5.
+    """
+    return (points + 0.5) * size + 0.5
+
+
+def to_points(cells: Any, size: int) -> Any:
+    """Centres [...] of cells of a ``DenseField``, object units: the inverse of ``to_cells``."""
+    return (cells - 0.5) / size - 0.5
 
 
 def dense_field(grid: VoxelGrid | PartGrid, owner: np.ndarray) -> DenseField:
@@ -141,7 +157,7 @@ def part_mesh(
     color = _vertex_colors(vertices, phi, mine, field.source[window], colors)
     start = np.array([s.start for s in window])
     count = field.sdf.shape[0] - 2
-    points = (vertices.astype(np.float64) + start - 0.5) / count - 0.5
+    points = to_points(vertices.astype(np.float64) + start, count)
     return trimesh.Trimesh(points, faces, vertex_colors=color, process=False)
 
 

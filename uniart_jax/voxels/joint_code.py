@@ -17,8 +17,9 @@ Canonical: tau in (-1, 1] and the largest component of d positive (ties: z, then
 which way a part opens lives in the limits alone. Losses and averages work modulo both gauges:
 ``gauge_variants``, ``align``.
 
-``canonical``, ``gauge_variants`` and ``align`` take the array namespace ``xp`` (numpy or
-jax.numpy), so that training and assembling share one definition; this file never imports jax.
+``canonical``, ``gauge_variants``, ``align`` and ``box_corners`` take the array namespace ``xp``
+(numpy or jax.numpy), so that training and assembling share one definition; this file never imports
+jax.
 
 Units: boxes and moments in object units, frame of the shown state. A box is [6]: centre and size.
 """  # noqa: E501
@@ -50,7 +51,6 @@ JOINT_CODE = slice(0, CODE_SIZE)
 OWN_BOX = slice(JOINT_CODE.stop, JOINT_CODE.stop + BOX_SIZE)
 PARENT_BOX = slice(OWN_BOX.stop, OWN_BOX.stop + BOX_SIZE)
 CODE_CHANNELS = PARENT_BOX.stop
-GAUGES = 6
 SPREADS = 3.0  # median absolute deviations; how far noisy codes are drawn to the pure motions
 
 
@@ -217,12 +217,12 @@ def decode_part(codes: np.ndarray, part_center: np.ndarray, tolerance: float = 0
     return decode_joint(middle, part_center)
 
 
-def box_corners(boxes: np.ndarray) -> np.ndarray:
-    """[..., 6] lower and upper corner of boxes given as centre and size; distances between boxes
-    are L-infinity of these."""
-    boxes = np.asarray(boxes)
+def box_corners(boxes: Any, xp: Any = np) -> Any:
+    """[..., 6] lower and upper corner of boxes [..., 6] given as centre and size, in their units;
+    distances between boxes are L-infinity of these. ``xp``: array namespace of ``boxes``."""
+    boxes = xp.asarray(boxes)
     center, half = boxes[..., :3], boxes[..., 3:] / 2
-    return np.concatenate([center - half, center + half], axis=-1)
+    return xp.concatenate([center - half, center + half], axis=-1)
 
 
 def encode_object(obj: ArticulatedObject) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

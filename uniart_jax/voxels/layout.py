@@ -25,7 +25,7 @@ As JSON (``to_json``, ``from_json``), lengths in object units, angles in radians
 Legs carry what does not move. ``alone``: it has nothing else below their upper ends, and what
 voxels show there is taken away. Panels are the boards that it is built of; those within it take
 the place of what voxels show there, unless that is another body. Boards are the same of a part that
-moves, all that it is built of, of a door that stands ajar as it lies closed (``voxels.closing``):
+moves, all that it is built of, of a door that stands ajar as it lies closed (``closed_pose``):
 where that is follows from its joint and its box, so whoever edits these edits its boards too. Of
 what does not move they are not used, and ``provenance`` says so. A network's panels and boards are
 kept where their share is high, boards not of a disc that turns about its middle. A part with a

@@ -10,6 +10,7 @@ import dataclasses
 from typing import Any
 
 import numpy as np
+from scipy.special import expit
 
 from uniart_jax.voxels.json_rows import json_rows
 
@@ -157,7 +158,7 @@ def _numbers(row: dict, name: str, count: int, k: int) -> np.ndarray:
 
 
 def _probability(logits: np.ndarray) -> np.ndarray:
-    return 1 / (1 + np.exp(-np.asarray(logits, np.float64)))
+    return expit(np.asarray(logits, np.float64))
 
 
 def _ordered(rectangles: np.ndarray) -> np.ndarray:

@@ -8,17 +8,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from uniart_jax.objects.kinematics import Joint, subtrees
+from uniart_jax.voxels.isosurface import to_points
 
 OPENS = 0.05  # object units that a part's middle goes at least, where it opens to a side
 FIRST = 0.1  # of its range, which says to which
+ALONG_LATTICE = 0.998  # least cosine between a joint's axis and the axis of the lattice along it
 AXIS = 0.95  # least cosine between a disc's axis and a side of its box
 ROUND = 0.4  # least ratio of a disc's other two sides
 MIDDLE = 0.25  # of these, that a disc's axis passes beside its middle at most
-
-
-def places(cells: np.ndarray, size: int) -> np.ndarray:
-    """Centres of a field's cells, object units; the layer around the grid is one cell wide."""
-    return (cells - 0.5) / size - 0.5
 
 
 def opens_to(
@@ -26,7 +23,7 @@ def opens_to(
 ) -> tuple[int, int] | None:
     """(axis, side) to which a part of ``cells`` [n, 3] begins to open, from the end of its range
     that is nearer the middle of ``body`` [m, 3]; None where it hardly moves, or turns all round."""
-    place = np.append(places(cells, size).mean(0), 1)
+    place = np.append(to_points(cells, size).mean(0), 1)
     ends = [(joint.motion(q) @ place)[:3] for q in joint.limits]
     if joint.type == "continuous" or np.abs(ends[1] - ends[0]).max() <= OPENS:
         return None
@@ -43,14 +40,14 @@ def closed_end(joint: Joint, cells: np.ndarray, center: np.ndarray, size: int) -
     0 for what turns all round."""
     if joint.type == "continuous":
         return 0.0
-    place = np.append(places(cells, size).mean(0), 1)
+    place = np.append(to_points(cells, size).mean(0), 1)
     far = [np.linalg.norm((joint.motion(q) @ place)[:3] - center) for q in joint.limits]
     return joint.limits[int(far[1] < far[0])]
 
 
 def center_of(cells: np.ndarray, size: int) -> np.ndarray:
     """[3] middle of the box around cells [n, 3]."""
-    return (places(cells.min(0), size) + places(cells.max(0), size)) / 2
+    return (to_points(cells.min(0), size) + to_points(cells.max(0), size)) / 2
 
 
 def still_parts(parents: Sequence[int], joints: Sequence[Joint]) -> list[int]:

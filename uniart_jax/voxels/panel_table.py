@@ -7,6 +7,7 @@ import dataclasses
 from typing import Any
 
 import numpy as np
+from scipy.special import expit
 
 from uniart_jax.voxels.json_rows import json_rows
 
@@ -48,7 +49,7 @@ def read_panels(outputs: dict[str, np.ndarray], threshold: float = THRESHOLD) ->
       outputs: panel_rows [N, 6] corners, panel_exists [N] logits, panel_share.
       threshold: of the probability that a panel exists.
     """
-    probability = 1 / (1 + np.exp(-np.asarray(outputs["panel_exists"], np.float64)))
+    probability = expit(np.asarray(outputs["panel_exists"], np.float64))
     share = float(np.clip(outputs["panel_share"], 0, 1))
     rows = np.asarray(outputs["panel_rows"], np.float64)
     kept = (probability > threshold) & np.isfinite(rows).all(1)

@@ -20,7 +20,7 @@ from uniart_jax.voxels.joint_code import (
 )
 from uniart_jax.voxels.layout import ROOT, Layout
 from uniart_jax.voxels.leg_table import read_legs
-from uniart_jax.voxels.opening_direction import round_about, still_parts
+from uniart_jax.voxels.opening_direction import ALONG_LATTICE, round_about, still_parts
 from uniart_jax.voxels.panel_table import Panels, read_boards, read_panels
 from uniart_jax.voxels.part_table import SMALLEST_SIDE, THRESHOLD
 from uniart_jax.voxels.revolution_table import Revolution, read_revolution
@@ -30,7 +30,6 @@ FAR = np.deg2rad(144)
 OFF_AXIS = 0.3  # of a knob's largest side, that its axis passes its centre at most
 NEARLY = 0.95  # least cosine of a short axis with a side of its part's box that it goes along
 LEAST_AXIS = 0.05  # length of a code's axis from which on it says that a part moves
-ALONG = 0.998  # least cosine between a hinge and an axis of the lattice
 PLATE = 2.5  # least width, and length, of a plate over its thickness
 BESIDE = (0.4, 0.62)  # from a plate's middle, shares of its width: hinges between are at its edge
 NEAREST_EYE = 0.8  # object units from the origin; a camera that is nearer is none
@@ -140,7 +139,7 @@ def _at_edge(joint: Joint, box: np.ndarray) -> Joint:
     wide, thick = across[np.argsort(-box[3 + across])]
     at = (joint.origin[wide] - box[wide]) / max(box[3 + wide], SMALLEST_SIDE)
     plate = min(box[3 + wide], box[3 + axis]) > PLATE * box[3 + thick]
-    upright = abs(joint.direction[axis]) > ALONG
+    upright = abs(joint.direction[axis]) > ALONG_LATTICE
     if joint.type != "revolute" or not (plate and upright) or not BESIDE[0] < abs(at) < BESIDE[1]:
         return joint
     origin = np.array(joint.origin)

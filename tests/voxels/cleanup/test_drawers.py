@@ -27,7 +27,7 @@ def drawer(torn=None, body=None):
 
 def pulled(field):
     boxes = np.stack([box_of((14.3, 8.3, 18.3), (52.3, 56.3, 46.3)), box_of(*BOX)])
-    return with_clean_rooms(field, boxes, [FIXED, PULLS], [-1, 0])
+    return with_clean_rooms(field, boxes, [FIXED, PULLS], [-1, 0], [0])
 
 
 def differs(field, ideal):
@@ -91,7 +91,7 @@ def test_a_drawers_room_begins_behind_its_front_whatever_handle_it_has():
         made = field_of(case, np.where(crumbs, -1.0, tray))
         box = box_of((reach, *BOX[0][1:]), BOX[1])
         boxes = np.stack([box_of((14.3, 8.3, 18.3), (52.3, 56.3, 46.3)), box])
-        after = with_clean_rooms(made, boxes, [FIXED, PULLS], [-1, 0])
+        after = with_clean_rooms(made, boxes, [FIXED, PULLS], [-1, 0], [0])
         rooms.append(solid_of(after, 1) & (AT[0] > 12))
         assert not (solid_of(after, 1) & crumbs).any()
     assert (rooms[0] == rooms[1]).all() and (rooms[0] == rooms[2]).all()
@@ -132,8 +132,8 @@ def test_a_drawer_that_opens_to_the_other_side_is_its_mirror_image():
     plain = field_of(*(np.where(solid_of(field, k), -1.0, 3.0) for k in (0, 1)))
     flip = np.array([-1, 1, 1, 1, 1, 1])
     pushes = Joint(np.zeros(3), (1.0, 0, 0), travel=(0.0, 0.4))
-    there = with_clean_rooms(mirrored, boxes * flip, [FIXED, pushes], [-1, 0])
-    here = with_clean_rooms(plain, boxes, [FIXED, PULLS], [-1, 0])
+    there = with_clean_rooms(mirrored, boxes * flip, [FIXED, pushes], [-1, 0], [0])
+    here = with_clean_rooms(plain, boxes, [FIXED, PULLS], [-1, 0], [0])
     for part in (0, 1):
         np.testing.assert_array_equal(solid_of(there, part)[::-1], solid_of(here, part))
     assert (solid_of(here, 1) != solid_of(plain, 1)).sum() > 500
@@ -169,7 +169,7 @@ def test_the_frame_around_a_closed_drawers_front_is_straight_and_that_of_an_open
     field = field_of(np.where(teeth, -1.0, frame), tray)
     for low, goes in ((0.0, True), (-0.04, False), (-0.2, False)):
         slide = Joint(np.zeros(3), (-1.0, 0, 0), travel=(low, 0.4 + low))
-        after = with_clean_rooms(field, boxes, [FIXED, slide], [-1, 0])
+        after = with_clean_rooms(field, boxes, [FIXED, slide], [-1, 0], [0])
         left = solid_of(after, 0)[teeth]
         assert not left.any() if goes else left.all()
 
@@ -182,7 +182,7 @@ def test_the_frame_of_a_drawer_with_a_handle_stays_under_a_top_that_overhangs():
     box = box_of((3.3, *BOX[0][1:]), BOX[1])
     boxes = np.stack([box_of((1.3, 8.3, 18.3), (52.3, 56.3, 50.3)), box])
     field = field_of(np.minimum(frame, top), tray)
-    after = with_clean_rooms(field, boxes, [FIXED, PULLS], [-1, 0])
+    after = with_clean_rooms(field, boxes, [FIXED, PULLS], [-1, 0], [0])
     ring = solid_of(field, 0) & (AT[0] < 15) & (AT[2] < 46)
     assert ring.sum() > 500 and solid_of(after, 0)[ring].mean() > 0.97
 
@@ -196,7 +196,7 @@ def test_a_front_keeps_a_cell_from_what_moves():
     boxes = np.stack([box_of((14.3, 8.3, 18.3), (52.3, 56.3, 46.3)), box_of(*BOX)])
     boxes = np.concatenate([boxes, box_of((9.3, 44.3, 36.3), (13.3, 48.3, 39.3))[None]])
     lifts = Joint(np.zeros(3), (0.0, 0, 1), travel=(0.0, 0.1))
-    after = with_clean_rooms(field, boxes, [FIXED, PULLS, lifts], [-1, 0, 0])
+    after = with_clean_rooms(field, boxes, [FIXED, PULLS, lifts], [-1, 0, 0], [0])
     new = solid_of(after, 1) & ~solid_of(field, 1) & (AT[0] < 14)
     assert new.any() and not (new & ndimage.binary_dilation(solid_of(field, 2))).any()
 

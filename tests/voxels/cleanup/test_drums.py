@@ -56,7 +56,7 @@ def test_a_torn_drum_and_its_hole_are_round(torn, side):
     field, boxes, joints = machine(torn, side)
     found = drums(field, boxes, joints, [0])
     assert [(d.part, d.axis, d.side, d.door) for d in found] == [(1, 0, side, None)]
-    made = with_drums(field, found, [0])
+    made = with_drums(field, [0], found)
     front = seen(made, 0, side)[30:34]
     plate = front[1]  # of the front's layers
     assert round_at(plate, HOLE) <= (1.5 if not torn else 3.5)
@@ -76,7 +76,7 @@ def test_a_torn_drum_and_its_hole_are_round(torn, side):
 def test_what_is_whole_hardly_changes_and_nothing_is_written_to():
     field, boxes, joints = machine()
     before = field.sdf.copy(), field.owner.copy()
-    made = with_drums(field, drums(field, boxes, joints, [0]), [0])
+    made = with_drums(field, [0], drums(field, boxes, joints, [0]))
     np.testing.assert_array_equal(field.sdf, before[0])
     np.testing.assert_array_equal(field.owner, before[1])
     for part in (0, 1):
@@ -89,7 +89,7 @@ def test_a_drum_keeps_its_thickness(shell):
     field, boxes, joints = machine(shell=shell)
     found = drums(field, boxes, joints, [0])
     assert abs(found[0].shell - shell) < 0.8 and abs(found[0].bottom - shell) < 1.5
-    old, new = solid_of(field, 1), solid_of(with_drums(field, found, [0]), 1)
+    old, new = solid_of(field, 1), solid_of(with_drums(field, [0], found), 1)
     assert (old & new).sum() / (old | new).sum() > 0.85
 
 
@@ -98,10 +98,10 @@ def test_the_plate_ends_where_the_case_does(left):
     """A case hardly wider than its drum, which ends at one side of the grid."""
     case = (30.3, left, 6.3), (62.3, 65 - left, 60.3)
     field, boxes, joints = machine(0.2, case=case)
-    made = with_drums(field, drums(field, boxes, joints, [0]), [0])
+    made = with_drums(field, [0], drums(field, boxes, joints, [0]))
     before, after = (np.flatnonzero(solid_of(f, 0).any((0, 2))) for f in (field, made))
     assert after[0] >= before[0] and after[-1] <= before[-1]
-    for f in (made, with_drums(made, drums(made, boxes, joints, [0]), [0])):
+    for f in (made, with_drums(made, [0], drums(made, boxes, joints, [0]))):
         outside = np.ones(f.sdf.shape, bool)
         outside[1:-1, 1:-1, 1:-1] = False
         assert (f.sdf[outside] > 0).all()
@@ -127,7 +127,7 @@ def test_the_plate_lies_behind_the_closed_door():
     field = field_of(body, drum, door)
     found = drums(field, boxes, joints, [0])
     assert len(found) == 1 and found[0].door is not None and abs(found[0].door - 36) <= 1
-    made = with_drums(field, found, [0])
+    made = with_drums(field, [0], found)
     np.testing.assert_array_equal(solid_of(field, 2), solid_of(made, 2))
     end = found[0].door + 1 + PLATE
     plate = solid_of(made, 0)[found[0].door + 2]

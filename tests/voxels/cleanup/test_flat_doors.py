@@ -52,12 +52,12 @@ def share_that_differs(field, part, distance, beyond=0.0):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("degrees", [30, 60])
-@pytest.mark.parametrize("carries", [(), (0,)])
-def test_a_plate_that_stands_open_becomes_flat_and_its_edges_straight(degrees, carries):
+@pytest.mark.parametrize("parents", [(-1,), (-1, 0)])
+def test_a_plate_that_stands_open_becomes_flat_and_its_edges_straight(degrees, parents):
     rough, box, joint, even = opened(degrees, wavy=True)
     field = field_of(rough)
     before = copy_of(field)
-    flat = with_flat_faces(field, box[None], [joint], carries)
+    flat = with_flat_faces(field, box[None], [joint], parents)
     assert_same(field, before)
     assert share_that_differs(field, 0, even, 0.8) > 0.02
     assert share_that_differs(flat, 0, even, 0.8) < 0.008
@@ -69,7 +69,7 @@ def test_a_plate_that_stands_open_becomes_flat_and_its_edges_straight(degrees, c
     assert near.sum() > 500
     assert np.std((flat.sdf - even)[near]) < 0.4 * np.std((field.sdf - even)[near])
     assert surface_has_sources(flat)
-    assert_same(with_flat_faces(field, box[None], [joint], carries), flat)
+    assert_same(with_flat_faces(field, box[None], [joint], parents), flat)
 
 
 def moved_front(joint, degrees):
@@ -182,14 +182,14 @@ def test_what_of_the_body_is_in_a_closed_doors_plate_is_the_doors():
     field = field_of(np.where(teeth, -1.0, body), np.where(teeth, 2.0, rough))
     assert (solid_of(field, 0) & teeth).sum() > 100
     boxes = np.stack([box_of((45, 8.3, 8.3), (60.3, 56.3, 56.3)), box])
-    apart = with_flat_faces(field, boxes, [Joint.fixed(), joint], (0,))
+    apart = with_flat_faces(field, boxes, [Joint.fixed(), joint], (-1, 0))
     assert (solid_of(apart, 0) & teeth).sum() > 100  # who does not move is not said
-    flat = with_flat_faces(field, boxes, [Joint.fixed(), joint], (0,), (0,))
+    flat = with_flat_faces(field, boxes, [Joint.fixed(), joint], (-1, 0), (0,))
     assert not solid_of(flat, 0)[teeth].any()
     assert solid_of(flat, 1)[teeth & (AT[1] > 19)].mean() > 0.95
     # but not a whole plate
     wall = field_of(np.minimum(case, even), np.where(AT[2] > 30, 2.0, rough))
-    kept = with_flat_faces(wall, boxes, [Joint.fixed(), joint], (0,), (0,))
+    kept = with_flat_faces(wall, boxes, [Joint.fixed(), joint], (-1, 0), (0,))
     assert solid_of(kept, 0)[(even < -0.6) & (AT[2] > 34)].mean() > 0.9
 
 
@@ -201,7 +201,7 @@ def test_two_closed_doors_that_share_a_strip_both_end_before_it():
     case = block((x1 + 1, 2.3, 8.3), (62.3, 63.3, 58.3))
     field = field_of(case, first, block(*other))
     boxes = np.stack([box_of((x1 + 1, 2.3, 8.3), (62.3, 63.3, 58.3)), box, box_of(*other)])
-    flat = with_flat_faces(field, boxes, [Joint.fixed(), joint, hinge], (0,), (0,))
+    flat = with_flat_faces(field, boxes, [Joint.fixed(), joint, hinge], (-1, 0, 0), (0,))
     ends = [np.argwhere(solid_of(flat, k))[:, 1] for k in (1, 2)]
     assert 1 <= ends[1].min() - ends[0].max() <= 4
     assert ends[0].max() == pytest.approx(y1 - 4, abs=1.5)
@@ -245,8 +245,8 @@ def test_a_door_comes_back_as_its_joint_says_and_what_carries_as_it_was():
     """It was drawn 6 degrees off."""
     rough, box, _, even = opened(30)
     said = opened(36)
-    for carries, wanted, other in (((), said[3], even), ((0,), even, said[3])):
-        flat = with_flat_faces(field_of(rough), box[None], [said[2]], carries)
+    for parents, wanted, other in (((-1,), said[3], even), ((-1, 0), even, said[3])):
+        flat = with_flat_faces(field_of(rough), box[None], [said[2]], parents)
         assert share_that_differs(flat, 0, wanted, 1.0) < 0.02
         assert share_that_differs(flat, 0, other, 1.0) > 0.1
 

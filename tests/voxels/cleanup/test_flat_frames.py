@@ -20,7 +20,7 @@ def cabinet(body=None):
 
 def flattened(field, fronts=(FRONT,)):
     after = copy_of(field)
-    with_flat_frames(after, list(fronts), [0])
+    with_flat_frames(after, [0], list(fronts))
     return after
 
 

@@ -8,7 +8,7 @@ from scipy import ndimage
 
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.voxels import opening_direction
-from uniart_jax.voxels.cleanup.clearance import (
+from uniart_jax.voxels.cleanup.room_to_move import (
     _straight,
     _too_much,
     with_meshes,

@@ -27,7 +27,7 @@ def cabinet(more=None, less=None, room=ROOM):
 
 def cleaned(field, door=SWINGS, box=DOOR):
     boxes = np.stack([box_of(*CASE), box_of(*box)])
-    return with_clean_rooms(field, boxes, [FIXED, door], [-1, 0])
+    return with_clean_rooms(field, boxes, [FIXED, door], [-1, 0], [0])
 
 
 def wrong(field, ideal, within=ROOM, margin=3.0):
@@ -88,7 +88,7 @@ def test_a_round_vessel_under_a_lid_stays_round(widens):
         lid = ((low, *LID[0][1:]), LID[1])
         field = field_of(vessel, block(*lid))
         boxes = np.stack([box_of((9.3, 9.3, 8.3), (55.3, 55.3, 52.3)), box_of(*lid)])
-        after = with_clean_rooms(field, boxes, [FIXED, LIFTS], [-1, 0])
+        after = with_clean_rooms(field, boxes, [FIXED, LIFTS], [-1, 0], [0])
         assert wrong(after, field, ((8, 8, 8), (57, 57, 57))) < 0.02 * solid_of(field, 0).sum()
 
 
@@ -138,7 +138,7 @@ def test_a_room_of_two_doors_has_no_wall_between_them():
     body = np.where(crumbs, -1.0, np.maximum(block(*CASE), -block(*ROOM)))
     field = field_of(body, *(block(*half) for half in halves))
     boxes = np.stack([box_of(*CASE), *(box_of(*half) for half in halves)])
-    after = with_clean_rooms(field, boxes, [FIXED, SWINGS, right], [-1, 0, 0])
+    after = with_clean_rooms(field, boxes, [FIXED, SWINGS, right], [-1, 0, 0], [0])
     assert crumbs.sum() > 1000
     assert wrong(after, cabinet()) == 0
 
@@ -167,7 +167,7 @@ def test_what_moves_in_a_room_stays():
     body = np.maximum(block(*CASE), -block(*ROOM))
     field = field_of(body, block(*DOOR), block(*rack))
     boxes = np.stack([box_of(*CASE), box_of(*DOOR), box_of(*rack)])
-    after = with_clean_rooms(field, boxes, [FIXED, SWINGS, slides], [-1, 0, 0])
+    after = with_clean_rooms(field, boxes, [FIXED, SWINGS, slides], [-1, 0, 0], [0])
     lost = solid_of(field, 2) & ~solid_of(after, 2)
     assert lost.sum() < 0.02 * solid_of(field, 2).sum()
 
@@ -179,9 +179,9 @@ def test_doors_of_parts_that_move_are_left():
     top = block((14.3, 8.3, 58), (56.3, 56.3, 62.3))
     field = field_of(np.where(solid_of(rough, 0), -1.0, 3.0), block(*DOOR), top)
     boxes = np.stack([box_of(*CASE), box_of(*DOOR), box_of((14.3, 8.3, 58), (56.3, 56.3, 62.3))])
-    after = with_clean_rooms(field, boxes, [FIXED, SWINGS, lifts], [-1, 2, 0])
+    after = with_clean_rooms(field, boxes, [FIXED, SWINGS, lifts], [-1, 2, 0], [0])
     assert wrong(after, field) == 0
-    after = with_clean_rooms(field, boxes, [FIXED, SWINGS, lifts], [-1, 0, 0])
+    after = with_clean_rooms(field, boxes, [FIXED, SWINGS, lifts], [-1, 0, 0], [0])
     assert wrong(after, field) > 0
 
 
@@ -205,7 +205,7 @@ def test_what_is_filled_keeps_a_cell_from_what_moves():
     field = field_of(np.maximum(body, 3 - block(*rack)), block(*DOOR), block(*rack))
     slides = Joint(np.zeros(3), (0.0, 0, 1), travel=(0.0, 0.1))
     boxes = np.stack([box_of(*CASE), box_of(*DOOR), box_of(*rack)])
-    after = with_clean_rooms(field, boxes, [FIXED, SWINGS, slides], [-1, 0, 0])
+    after = with_clean_rooms(field, boxes, [FIXED, SWINGS, slides], [-1, 0, 0], [0])
     new = solid_of(after, 0) & ~solid_of(field, 0)
     assert new.any() and not (new & ndimage.binary_dilation(solid_of(field, 2))).any()
 

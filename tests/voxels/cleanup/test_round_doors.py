@@ -94,7 +94,7 @@ def test_a_closed_door_becomes_a_disc_and_its_body_closes_around_it(side):
     discs = round_doors(drawn, boxes, joints, [0])
     square, _, _ = washer(0, side=side)  # as flat faces make it
     before = copy_of(square)
-    field = with_round_doors(square, discs, [0])
+    field = with_round_doors(square, [0], discs)
     assert_same(square, before)
     door = solid_of(field, 1)
     face = door.any(0)
@@ -115,7 +115,7 @@ def test_an_open_door_is_cut_in_its_own_plane(degrees):
     discs = round_doors(drawn, boxes, joints, [0])
     assert len(discs) == 1 and not discs[0].turn.still
     square, _, _ = washer(0, degrees)
-    field = with_round_doors(square, discs, [0])
+    field = with_round_doors(square, [0], discs)
     share = solid_of(field, 1).sum() / solid_of(square, 1).sum()
     assert share == pytest.approx(np.pi / 4, abs=0.05)
     np.testing.assert_array_equal(solid_of(field, 0), solid_of(square, 0))

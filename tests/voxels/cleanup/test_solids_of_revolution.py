@@ -22,7 +22,7 @@ def revolution(radii=(16.0,), axis=2):
 
 def turned(field, drawn=None, box=BOX, outline=None, axis=2):
     one = {0: outline or revolution(axis=axis)}
-    return with_revolutions(field, field if drawn is None else drawn, box[None], one)
+    return with_revolutions(field, box[None], field if drawn is None else drawn, one)
 
 
 def about(field: DenseField, axis: int) -> DenseField:
@@ -221,7 +221,7 @@ def test_the_wall_where_two_parts_overlap_is_of_one_below_and_of_the_other_above
         [np.insert(b[:, :2], axis, b[:, 2], axis=1) for b in (boxes[:, :3], boxes[:, 3:])], 1
     )
     outlines = {k: revolution((18.0,), axis) for k in order}
-    after, built = with_revolutions(field, field, boxes, outlines)
+    after, built = with_revolutions(field, boxes, field, outlines)
     assert sorted(built) == [0, 1]
     wall = (RHO < 17.5) & (RHO > 18.5 - WALL) & (AT[2] > LOW + 1) & (AT[2] < HIGH - 1)
     for part, mine in ((0, AT[2] <= SEAM), (1, AT[2] > SEAM)):
@@ -239,7 +239,7 @@ def test_a_handle_stays_where_the_wall_is_the_other_part_s(part, low):
     field.sdf[handle], field.owner[handle] = -1, part
     boxes[part, 0] += 5 / N
     boxes[part, 3] += 10 / N
-    after, _ = with_revolutions(field, field, boxes, {k: revolution((18.0,)) for k in (0, 1)})
+    after, _ = with_revolutions(field, boxes, field, {k: revolution((18.0,)) for k in (0, 1)})
     assert handle.sum() > 100
     assert solid_of(after, part)[handle].all()
 
@@ -252,7 +252,7 @@ def assert_whole(one, other, corners, middles=(MIDDLE, MIDDLE), radii=(16.0, 16.
         k: Revolution(2, place_of([x, MIDDLE]), np.array([radius]) / N)
         for k, (x, radius) in enumerate(zip(middles, radii, strict=True))
     }
-    after, built = with_revolutions(field, field, np.stack([box_of(*c) for c in corners]), outlines)
+    after, built = with_revolutions(field, np.stack([box_of(*c) for c in corners]), field, outlines)
     assert built == [0, 1]
     for part in parts:
         away = np.hypot(AT[0] - middles[part], AT[1] - MIDDLE)

@@ -7,9 +7,9 @@ from fields import AT, N, assert_same, block, box_of, copy_of, field_of, place_o
 from scipy import ndimage
 
 from uniart_jax.objects.kinematics import Joint
-from uniart_jax.voxels.cleanup.found_boards import with_boards
+from uniart_jax.voxels.cleanup.layout_boards import with_boards
 from uniart_jax.voxels.cleanup.trays import THICK, trays
-from uniart_jax.voxels.closing import closing_of
+from uniart_jax.voxels.closed_pose import closing_of
 
 CASE, ROOM = ((14.3, 8.3, 8.3), (56.3, 56.3, 56.3)), ((13.0, 11.3, 11.3), (53.3, 53.3, 53.3))
 DOOR = ((10.3, 8.3, 8.3), (14.1, 56.3, 56.3))
@@ -54,7 +54,7 @@ def test_a_rack_becomes_a_tray_that_fills_its_box(side, pulled):
     before = copy_of(field)
     found = of(field, boxes, joints, closed)
     assert list(found) == [2] and found[2].shape == (5, 6)
-    after, built = with_boards(field, found, joints, [0], exact=True)
+    after, built = with_boards(field, joints, [0], found, exact=True)
     assert built == {2}
     assert_same(field, before)
     tray = solid_of(after, 2)
@@ -133,5 +133,5 @@ def test_exact_boards_are_built_whatever_is_drawn():
     field, boxes, joints, closed = machine()
     found = of(field, boxes, joints, closed)
     field.sdf[:, 24:][solid_of(field, 2)[:, 24:]] = 2  # but for a strip at one side
-    assert with_boards(field, found, joints, [0])[1] == frozenset()
-    assert with_boards(field, found, joints, [0], exact=True)[1] == {2}
+    assert with_boards(field, joints, [0], found)[1] == frozenset()
+    assert with_boards(field, joints, [0], found, exact=True)[1] == {2}

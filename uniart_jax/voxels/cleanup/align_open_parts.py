@@ -18,14 +18,13 @@ from scipy.spatial.transform import Rotation
 
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.voxels.grid import connected
-from uniart_jax.voxels.isosurface import ZERO
-from uniart_jax.voxels.opening_direction import closed_end, places
+from uniart_jax.voxels.isosurface import ZERO, to_cells, to_points
+from uniart_jax.voxels.opening_direction import ALONG_LATTICE, closed_end
 
 STRAIGHT = np.deg2rad(2.5)  # what is turned by less lies straight
 OPEN = np.deg2rad(8.0)  # what is turned by more is drawn badly: ``panel``
 AGREES = np.deg2rad(10.0)  # between voxels and joint; else voxels are not believed
 AIMS = np.deg2rad(20.0)  # between an end of the joint's range and where the part lies straight
-ALONG = 0.998  # least cosine between the hinge and an axis of the lattice
 PLATE = 3.0  # times as long as thick, across the hinge: its direction can be told
 THICK = (3.0, 14.0)  # sub-cells, of a panel, least and most
 THIN = 0.35  # of its width, that a panel is thick at most
@@ -85,7 +84,7 @@ def turn_of(
       center: [3] of what it is closed against, object units; None: its outside is unknown.
     """
     axis = int(np.abs(joint.direction).argmax())
-    if joint.type != "revolute" or abs(joint.direction[axis]) < ALONG or len(cells) < 3:
+    if joint.type != "revolute" or abs(joint.direction[axis]) < ALONG_LATTICE or len(cells) < 3:
         return None
     across = [(axis + 1) % 3, (axis + 2) % 3]
     origin = joint.origin + ((box[:3] - joint.origin) @ joint.direction) * joint.direction
@@ -111,7 +110,7 @@ def turn_of(
     turned = to_straight @ shown
     long = to_straight @ directions[:, 1] if believed else turned
     side = int(np.abs(long).argmax())
-    place = (origin + 0.5) * size + 0.5
+    place = to_cells(origin, size)
     thick = np.sqrt(12 * max(spread[0], 0)) if believed else 0
     wide = np.hypot(*box[3:][across]) * size  # of the box, thicker by what stands across
     width = np.sqrt(max(wide**2 - (thick * np.cos(2 * straight)) ** 2, 0))
@@ -119,7 +118,7 @@ def turn_of(
     if still:
         width = float(box[3 + across[side]]) * size
     middle = float(place[across[side]] + turned[side] * size)
-    low, high = ((box[axis] + sign * box[3 + axis] / 2 + 0.5) * size + 0.5 for sign in (-1, 1))
+    low, high = (to_cells(box[axis] + sign * box[3 + axis] / 2, size) for sign in (-1, 1))
     return Turn(
         _about(axis, straight, place),
         _about(axis, back, place),
@@ -148,7 +147,7 @@ def _outside(
     ``axis``."""
     closed = closed_end(joint, cells, center, size)
     opens = sum(joint.limits) / 2 - closed  # towards the other end
-    arm = places(cells, size).mean(0) - joint.origin
+    arm = to_points(cells, size).mean(0) - joint.origin
     way = np.sign(opens) * np.cross(joint.direction, arm)
     turned = Rotation.from_rotvec(straight * np.eye(3)[axis]).apply(way)
     return int(np.sign(turned[across]))

@@ -17,7 +17,7 @@ from scipy import ndimage
 
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.voxels.cleanup.fronts import closed_door
-from uniart_jax.voxels.isosurface import ZERO, DenseField
+from uniart_jax.voxels.isosurface import ZERO, DenseField, to_cells
 
 ALONG = 0.99  # least cosine between a drum's axis and one of the lattice
 WIDE = 0.15  # object units, that a drum is wide and high at least
@@ -121,7 +121,7 @@ def _drum(
     cells = np.argwhere(solid & (field.owner == part))
     if not len(cells):
         return None
-    middle = (joint.origin[across] + 0.5) * size + 0.5
+    middle = to_cells(joint.origin[across], size)
     radius = float(wide.mean()) / 2 * size
     low, high = np.percentile(cells[:, axis], [TRIM, 100 - TRIM])
     low, high = int(np.floor(low)), int(np.ceil(high)) + 1
@@ -183,11 +183,11 @@ def _radius(shape: tuple[int, ...], axis: int, middle: np.ndarray) -> np.ndarray
     return np.hypot(u[:, None] - middle[0], v[None] - middle[1])
 
 
-def with_drums(field: DenseField, found: Sequence[Drum], body: Sequence[int]) -> DenseField:
+def with_drums(field: DenseField, body: Sequence[int], found: Sequence[Drum]) -> DenseField:
     """A field whose drums are hollow and round, and open through a round hole.
 
     Args:
-      found: of the same field (``drums``). body: owners that do not move.
+      body: owners that do not move. found: of the same field (``drums``).
 
     Returns:
       A new field; cells of moving parts but the drums are as they were.

@@ -30,7 +30,7 @@ from uniart_jax.objects.kinematics import Joint
 from uniart_jax.voxels.cleanup import column_maps as maps
 from uniart_jax.voxels.cleanup.align_open_parts import Turn, panel, resampled, turn_of
 from uniart_jax.voxels.cleanup.fronts import door_of, without_overlap
-from uniart_jax.voxels.isosurface import ZERO, DenseField
+from uniart_jax.voxels.isosurface import ZERO, DenseField, to_cells
 from uniart_jax.voxels.opening_direction import center_of
 
 # lengths in sub-cells
@@ -69,7 +69,7 @@ def with_flat_faces(
     field: DenseField,
     boxes: np.ndarray,
     joints: Sequence[Joint] = (),
-    carries: Sequence[int] = (),
+    parents: Sequence[int] = (),
     body: Sequence[int] = (),
 ) -> DenseField:
     """A field whose parts' nearly flat faces are flat.
@@ -77,8 +77,8 @@ def with_flat_faces(
     Args:
       boxes: [K, 6] centre and size of each part, object units. joints: [K]; what turns on one and
         is shown turned is made flat as it lies straight (``align_open_parts``); what is drawn as a
-        plate, open or closed, is completed. carries: parts that others hang on. body: parts that do
-        not move; what of them lies within a closed door's plate is the door's.
+        plate, open or closed, is completed. parents: of all parts. body: parts that do not move;
+        what of them lies within a closed door's plate is the door's.
 
     Returns:
       A new field. No other cell that is solid in another part of ``field`` becomes a part's, but
@@ -89,11 +89,11 @@ def with_flat_faces(
     inner = (slice(1, -1),) * 3
     taken[inner] = np.where(field.sdf < 0, field.owner, -1)[inner]
     cells = sdf.shape[0] - 2
-    turns = _turns(field, boxes, joints, carries, body)
+    turns = _turns(field, boxes, joints, parents, body)
     for part, (centre, size) in enumerate(zip(boxes[:, :3], boxes[:, 3:], strict=True)):
         if part in turns and _turned((sdf, owner, source, taken), part, turns[part], body):
             continue
-        lower, upper = ((c + 0.5) * cells + 0.5 for c in (centre - size / 2, centre + size / 2))
+        lower, upper = (to_cells(c, cells) for c in (centre - size / 2, centre + size / 2))
         low = np.clip(np.floor(lower - AROUND).astype(int), 0, cells)
         high = np.clip(np.ceil(upper + AROUND).astype(int), 1, cells + 1)
         window = tuple(slice(a, b + 1) for a, b in zip(low, high, strict=True))
@@ -109,20 +109,20 @@ def _turns(
     field: DenseField,
     boxes: np.ndarray,
     joints: Sequence[Joint],
-    carries: Sequence[int],
+    parents: Sequence[int],
     body: Sequence[int],
 ) -> dict[int, Turn]:
-    """Of the parts that turn on a hinge along the lattice."""
+    """Of the parts that turn on a hinge along the lattice; what carries others as it is drawn."""
     size = field.sdf.shape[0] - 2
     inside = np.argwhere((field.sdf < 0) & np.isin(field.owner, body))
     turns, doors = {}, {}
     for part, joint in enumerate(joints):
         cells = np.argwhere((field.sdf < 0) & (field.owner == part))
         if not len(inside):
-            turns[part] = turn_of(cells, boxes[part], joint, size, part not in carries)
+            turns[part] = turn_of(cells, boxes[part], joint, size, part not in parents)
         else:
             center = center_of(inside, size)
-            doors[part] = door_of(cells, boxes[part], joint, size, center, part not in carries)
+            doors[part] = door_of(cells, boxes[part], joint, size, center, part not in parents)
     turns |= without_overlap({k: door for k, door in doors.items() if door is not None})
     return {k: turn for k, turn in turns.items() if turn is not None}
 

@@ -14,7 +14,7 @@ import numpy as np
 from scipy import ndimage
 
 from uniart_jax.voxels.cleanup.fronts import Front
-from uniart_jax.voxels.isosurface import DenseField
+from uniart_jax.voxels.isosurface import HALF_CELL, DenseField
 
 # lengths in sub-cells
 AHEAD, BEHIND = 6, 10  # a frame begins so far before the outermost front, or behind it, at most
@@ -30,15 +30,14 @@ FAR = 9  # so are columns up to here behind it that have no common depth
 GAP_ALONG = 5  # half the width of gaps along a line that are closed
 RECTANGLE, SLOT = 0.9, 3  # gaps that fill so much of a rectangle, and are so wide, are openings
 THICKNESS = 2  # cells that close gaps
-SOLID = 0.5  # distance of cells that are filled or cleared
 
 
-def with_flat_frames(field: DenseField, fronts: Sequence[Front], body: Sequence[int]) -> None:
+def with_flat_frames(field: DenseField, body: Sequence[int], fronts: Sequence[Front]) -> None:
     """In place: the frames around closed doors and drawers.
 
     Args:
-      fronts: boxes of the plates, where they lie when they are closed. body: parts that do not
-        move.
+      body: owners that do not move. fronts: boxes of the plates, where they lie when they are
+        closed.
     """
     inside = np.argwhere((field.sdf < 0) & np.isin(field.owner, body))
     if not len(inside):
@@ -182,8 +181,8 @@ def _end(
     clear = columns & (index < plane) & mine
     surface = mine & columns & (index == plane)
     whose[fill] = np.bincount(whose[mine]).argmax()
-    shown[fill] = -SOLID
-    shown[surface] = np.minimum(shown[surface], -SOLID)
-    shown[clear] = SOLID
+    shown[fill] = -HALF_CELL
+    shown[surface] = np.minimum(shown[surface], -HALF_CELL)
+    shown[clear] = HALF_CELL
     before = columns & (index == plane - 1) & (shown > 0)  # so that it lies between the cells
-    shown[before] = SOLID
+    shown[before] = HALF_CELL

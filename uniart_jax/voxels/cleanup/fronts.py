@@ -12,9 +12,9 @@ from scipy import ndimage
 from scipy.spatial.transform import Rotation
 
 from uniart_jax.objects.kinematics import Joint
-from uniart_jax.voxels.cleanup.align_open_parts import ALONG, Turn, turn_of
-from uniart_jax.voxels.isosurface import DenseField
-from uniart_jax.voxels.opening_direction import center_of, closed_end, opens_to
+from uniart_jax.voxels.cleanup.align_open_parts import Turn, turn_of
+from uniart_jax.voxels.isosurface import HALF_CELL, DenseField, to_cells
+from uniart_jax.voxels.opening_direction import ALONG_LATTICE, center_of, closed_end, opens_to
 
 # lengths in sub-cells
 STRIP = 0.4  # share of a door's width: doors that overlap by no more are made narrower
@@ -33,7 +33,6 @@ BEHIND = 3  # behind a door, within which ridges of its back end
 DRAWN = 0.33  # share of a row of it from which the row belongs to it
 WHOLE = 0.9  # share of a door's rectangle in which it is drawn, if it is no round one
 LEDGE = 2  # wide and high along its edges, what is no handle
-SOLID = 0.5  # distance of cells that are filled or cleared
 FULL = 0.3  # of the fullest layer of a door's cells, that another of its plate has at least
 
 
@@ -96,7 +95,7 @@ def door_of(
     closed = closed_end(joint, cells, center, size) * np.sign(joint.direction[turn.axis])
     angle = closed - Rotation.from_matrix(turn.straight[:3, :3]).as_rotvec()[turn.axis]
     rotation = Rotation.from_rotvec(np.round(2 * angle / np.pi) * np.pi / 2 * np.eye(3)[turn.axis])
-    hinge, quarter = (joint.origin + 0.5) * size + 0.5, np.eye(4)
+    hinge, quarter = to_cells(joint.origin, size), np.eye(4)
     quarter[:3, :3] = np.rint(rotation.as_matrix())
     quarter[:3, 3] = hinge - quarter[:3, :3] @ hinge
     return Door(turn, quarter, *_after(quarter, low, high))
@@ -170,10 +169,10 @@ def closed_door(cells: np.ndarray, box: np.ndarray, joint: Joint, body: np.ndarr
     return Front(*opening, low, high) if covered.mean() >= SHUT else None
 
 
-def straighten_rim(field: DenseField, parts: Sequence[int], door: Front) -> None:
-    """In place: each layer of ``parts`` around a closed door is all frame, or all free."""
+def straighten_rim(field: DenseField, body: Sequence[int], door: Front) -> None:
+    """In place: each layer of ``body``'s parts around a closed door is all frame, or all free."""
     there = np.flatnonzero(
-        ((field.sdf < 0) & np.isin(field.owner, parts)).any(tuple({0, 1, 2} - {door.axis}))
+        ((field.sdf < 0) & np.isin(field.owner, body)).any(tuple({0, 1, 2} - {door.axis}))
     )
     if not len(there):
         return
@@ -188,16 +187,16 @@ def straighten_rim(field: DenseField, parts: Sequence[int], door: Front) -> None
             window = [slice(a, b) for a, b in zip(low, high, strict=True)]
             window[axis] = slice(at, at + 1)
             sdf, owner = field.sdf[tuple(window)], field.owner[tuple(window)]
-            solid, mine = sdf < 0, np.isin(owner, parts)
+            solid, mine = sdf < 0, np.isin(owner, body)
             ours = solid & mine
             if ours.sum() > MOST * (~solid | mine).sum():
                 owner[~solid] = np.bincount(owner[ours]).argmax()
-                sdf[~solid] = -SOLID
+                sdf[~solid] = -HALF_CELL
             else:
-                sdf[ours] = SOLID
+                sdf[ours] = HALF_CELL
 
 
-def whole_door(field: DenseField, part: int, body: Sequence[int], door: Front) -> None:
+def whole_door(field: DenseField, body: Sequence[int], part: int, door: Front) -> None:
     """In place: a door that is shown closed, and is a plate, as a whole one: each of its layers is
     all door where most of it is, and teeth beside these and little ridges behind them go."""
     margin = np.full(3, RIM)
@@ -225,12 +224,12 @@ def whole_door(field: DenseField, part: int, body: Sequence[int], door: Front) -
     plate[rectangle] = True
     moving = (shown < 0) & (whose != part) & ~np.isin(whose, body)
     new = plate & ~solid & ~np.asarray(ndimage.binary_dilation(moving), bool)
-    shown[new], whose[new] = -SOLID, part
-    shown[plate & solid] = np.minimum(shown[plate & solid], -SOLID)
+    shown[new], whose[new] = -HALF_CELL, part
+    shown[plate & solid] = np.minimum(shown[plate & solid], -HALF_CELL)
     out = solid & ~plate
     out[: rectangle[0].start] = False  # handles
     out[last:, solid[-1]] = False  # what reaches farther, as shelves on a door do
-    shown[out] = SOLID
+    shown[out] = HALF_CELL
 
 
 def drawer_front(
@@ -240,20 +239,20 @@ def drawer_front(
 
     Args: as ``closed_door``.
     """
-    if joint.type != "prismatic" or np.abs(joint.direction[:2]).max() < ALONG:
+    if joint.type != "prismatic" or np.abs(joint.direction[:2]).max() < ALONG_LATTICE:
         return None
     size = body.shape[0] - 2
     opening = opens_to(joint, cells, np.argwhere(body), size)
     if opening is None:
         return None
-    low, high = ((box[:3] + sign * box[3:] / 2 + 0.5) * size + 0.5 for sign in (-1, 1))
+    low, high = (to_cells(box[:3] + sign * box[3:] / 2, size) for sign in (-1, 1))
     low, high = np.ceil(low).astype(int), np.floor(high).astype(int) + 1
     low, high = np.clip(low, 1, size + 1), np.clip(high, 1, size + 1)
     return Front(*opening, low, high) if (high - low >= THINNEST).all() else None
 
 
 def whole_front(
-    field: DenseField, part: int, body: Sequence[int], drawer: Front
+    field: DenseField, body: Sequence[int], part: int, drawer: Front
 ) -> tuple[int, int]:
     """In place: the front of a drawer as a whole plate where most of it is drawn; what of the body
     lies in it is the drawer's.
@@ -278,11 +277,11 @@ def whole_front(
     plate[plane : plane + depth] = True
     moving = (shown < 0) & (whose != part) & ~np.isin(whose, body)
     new = plate & ~solid & ~np.asarray(ndimage.binary_dilation(moving), bool)
-    shown[new], whose[new] = -SOLID, part
+    shown[new], whose[new] = -HALF_CELL, part
     mine = whose == part
-    shown[plate & mine] = np.minimum(shown[plate & mine], -SOLID)
+    shown[plate & mine] = np.minimum(shown[plate & mine], -HALF_CELL)
     edge = np.asarray(ndimage.binary_dilation(plate), bool) & ~plate & mine & (shown > 0)
-    shown[edge] = np.maximum(shown[edge], SOLID)
+    shown[edge] = np.maximum(shown[edge], HALF_CELL)
     _trim(field, part, drawer, plane, depth)
     return plane, plane + depth
 
@@ -306,7 +305,7 @@ def _trim(field: DenseField, part: int, drawer: Front, plane: int, depth: int) -
     ledge = mine & ~inner & ~plate
     ledge[first:] = False
     high_ones = ledge[: max(first - LEDGE, 0)].any(0)  # of a handle
-    shown[out | (ledge & ~high_ones)] = SOLID
+    shown[out | (ledge & ~high_ones)] = HALF_CELL
 
 
 def _within(front: Front, first: np.ndarray, across: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -60,14 +60,14 @@ def without_debris(obj: ArticulatedObject) -> ArticulatedObject:
     return dataclasses.replace(obj, parts=tuple(parts))
 
 
-def without_floating_pieces(field: DenseField, parts: int, body: Sequence[int] = ()) -> DenseField:
+def without_floating_pieces(field: DenseField, body: Sequence[int], parts: int) -> DenseField:
     """A field without pieces that touch nothing, but for the largest piece of each part.
 
     Pieces touch where no more than two cells lie between them.
 
     Args:
-      parts: owners 0, 1, …. body: those that no joint moves. What touches only parts that move
-        away hangs in the air too; so small pieces of these have to touch others of these.
+      body: owners that do not move. What touches only parts that move away hangs in the air too;
+        so small pieces of these have to touch others of these. parts: how many owners there are.
     """
     solid = field.sdf < 0
     together, main = _together(solid)

@@ -9,21 +9,21 @@ import numpy as np
 import trimesh
 
 from uniart_jax.objects.kinematics import Joint
-from uniart_jax.voxels.cleanup.clearance import with_meshes, with_room_to_move
 from uniart_jax.voxels.cleanup.drums import drums, with_drums
 from uniart_jax.voxels.cleanup.flat_faces import with_flat_faces
-from uniart_jax.voxels.cleanup.found_boards import with_boards
-from uniart_jax.voxels.cleanup.found_legs import with_legs
-from uniart_jax.voxels.cleanup.found_panels import with_panels
-from uniart_jax.voxels.cleanup.legs import with_whole_legs
+from uniart_jax.voxels.cleanup.layout_boards import with_boards
+from uniart_jax.voxels.cleanup.layout_legs import with_legs
+from uniart_jax.voxels.cleanup.layout_panels import with_panels
 from uniart_jax.voxels.cleanup.loose_parts import with_lost_parts, without_floating_pieces
 from uniart_jax.voxels.cleanup.primitive_parts import in_front
+from uniart_jax.voxels.cleanup.room_to_move import with_meshes, with_room_to_move
 from uniart_jax.voxels.cleanup.rooms import with_clean_rooms
 from uniart_jax.voxels.cleanup.round_doors import round_doors, with_round_doors
 from uniart_jax.voxels.cleanup.solids_of_revolution import with_revolutions
+from uniart_jax.voxels.cleanup.straight_legs import with_whole_legs
 from uniart_jax.voxels.cleanup.trays import trays
 from uniart_jax.voxels.cleanup.walls import with_whole_walls
-from uniart_jax.voxels.closing import closing_of
+from uniart_jax.voxels.closed_pose import closing_of
 from uniart_jax.voxels.isosurface import DenseField
 from uniart_jax.voxels.layout import Layout
 from uniart_jax.voxels.opening_direction import still_parts
@@ -56,10 +56,14 @@ class FieldParts:
         return list(self.layout.joints[: self.shown])
 
     @property
+    def still(self) -> list[int]:
+        """Ids of parts that no joint moves."""
+        return still_parts(self.layout.parents, self.layout.joints)
+
+    @property
     def body(self) -> list[int]:
-        """Ids of parts that voxels show and no joint moves."""
-        still = still_parts(self.layout.parents, self.layout.joints)
-        return [k for k in still if k < self.shown]
+        """Those that voxels show."""
+        return [k for k in self.still if k < self.shown]
 
     @property
     def boards(self) -> dict[int, np.ndarray]:
@@ -75,31 +79,29 @@ class FieldParts:
 
 
 def cleaned(
-    field: DenseField, parts: FieldParts, boxed: list[trimesh.Trimesh], flat: bool, room: bool
+    field: DenseField, parts: FieldParts, boxed: list[trimesh.Trimesh]
 ) -> tuple[DenseField, list[trimesh.Trimesh], list[str]]:
     """The field after the passes, the meshes of the parts that are made of their boxes, and notes
     of where the layout was not followed, or a part was made a tray.
 
     Args:
       boxed: [K - shown] meshes of the parts that are made of their boxes, object units, in the
-        order of their ids. flat, room: as in ``voxels.follow.assemble_layout``.
+        order of their ids.
     """
-    drawn, told, body = field, [], parts.body
+    drawn, body = field, parts.body
     notes = [
         f"boards of part {parts.numbers[k]} of the layout left out: it does not move"
         for k in parts.boards
         if k in body
     ]
-    if flat:
-        field, told = _with_shapes(field, parts)
+    field, told = _with_shapes(field, parts)
     field = with_lost_parts(field, drawn)
     joints, count = parts.layout.joints, len(parts.layout)
     boxed = [in_front(one, joints[parts.shown + k], field) for k, one in enumerate(boxed)]
     field = whole = with_meshes(field, boxed, parts.shown)
-    field = without_floating_pieces(field, count, body)
-    if room:
-        field = with_room_to_move(field, joints, parts.layout.parents)
-        field = without_floating_pieces(field, count, body)
+    field = without_floating_pieces(field, body, count)
+    field = with_room_to_move(field, joints, parts.layout.parents)
+    field = without_floating_pieces(field, body, count)
     return with_lost_parts(field, whole), boxed, notes + told
 
 
@@ -121,14 +123,14 @@ def _with_shapes(field: DenseField, parts: FieldParts) -> tuple[DenseField, list
         field = with_whole_legs(field, body)
     else:
         field = with_legs(field, body, layout.legs)
-    field = with_clean_rooms(field, boxes, layout.joints, layout.parents)
+    field = with_clean_rooms(field, boxes, joints, layout.parents, parts.still)
     discs = round_doors(drawn, boxes, joints, body)
-    field = with_round_doors(field, discs, body)
+    field = with_round_doors(field, body, discs)
     turning = drums(field, boxes, joints, body)
-    field = with_drums(field, turning, body)
+    field = with_drums(field, body, turning)
     left -= {other.part for other in (*discs, *turning)}
     outlines = {k: own for k, own in parts.revolutions.items() if k in left}
-    field, rounded = with_revolutions(field, drawn, boxes, outlines)
+    field, rounded = with_revolutions(field, boxes, drawn, outlines)
     notes += [
         f"revolution of part {parts.numbers[k]} of the layout left out: voxels show another shape"
         for k in sorted(outlines.keys() - set(rounded))
@@ -141,21 +143,21 @@ def _with_boards_and_trays(
 ) -> tuple[DenseField, list[str], set[int]]:
     """Parts that move built of the layout's boards, racks made trays; notes, and ids of the parts
     that are neither."""
-    layout, boxes, body = parts.layout, parts.boxes, parts.body
+    layout, boxes, joints, body = parts.layout, parts.boxes, parts.joints, parts.body
     closed = closing_of(layout.joints, layout.boxes, layout.parents)
     left, notes = set(range(parts.shown)), []
     boards = {k: own for k, own in parts.boards.items() if k not in body}
     if boards:
         ajar = {k: closed[k] for k in boards if (closed[k] != np.eye(3, 4)).any()}
-        field, built = with_boards(field, boards, layout.joints, body, ajar)
+        field, built = with_boards(field, joints, body, boards, ajar)
         left -= built
         notes = [
             f"boards of part {parts.numbers[k]} of the layout left out: voxels show another shape"
             for k in sorted(boards.keys() - built)
         ]
-    racks = trays(field, boxes, layout.joints, layout.parents, body, closed, left)
+    racks = trays(field, boxes, joints, layout.parents, body, closed, left)
     if racks:
-        field, _ = with_boards(field, racks, layout.joints, body, exact=True)
+        field, _ = with_boards(field, joints, body, racks, exact=True)
         left -= racks.keys()
         notes += [f"part {parts.numbers[k]} of the layout made a tray" for k in racks]
     return field, notes, left

@@ -11,7 +11,7 @@ import numpy as np
 import trimesh
 
 from uniart_jax.objects.kinematics import Joint
-from uniart_jax.voxels.isosurface import DenseField, srgb_bytes
+from uniart_jax.voxels.isosurface import DenseField, srgb_bytes, to_cells, to_points
 from uniart_jax.voxels.joint_code import box_corners
 from uniart_jax.voxels.layout import Layout
 from uniart_jax.voxels.opening_direction import on_axis, round_about
@@ -159,7 +159,7 @@ def in_front(mesh: trimesh.Trimesh, joint: Joint, field: DenseField) -> trimesh.
     if axis is None:
         return mesh
     size = field.sdf.shape[0] - 2
-    first, last = ((end + 0.5) * size + 0.5 for end in (low, high))
+    first, last = (to_cells(end, size) for end in (low, high))
     first = np.clip(np.rint(first).astype(int), 1, size)
     last = np.maximum(np.clip(np.rint(last).astype(int), 1, size), first + 1)
     window = tuple(slice(a, b) for a, b in zip(first, last, strict=True))
@@ -171,10 +171,10 @@ def in_front(mesh: trimesh.Trimesh, joint: Joint, field: DenseField) -> trimesh.
         return mesh
     vertices = np.array(mesh.vertices)
     if inner_first:
-        surface = (first[axis] + buried[-1] + 0.5) / size - 0.5 + GAP
+        surface = to_points(first[axis] + buried[-1] + 1, size) + GAP
         vertices[:, axis] = np.maximum(vertices[:, axis], surface)
     else:
-        surface = (last[axis] - 1 - buried[-1] - 0.5) / size - 0.5 - GAP
+        surface = to_points(last[axis] - 1 - buried[-1], size) - GAP
         vertices[:, axis] = np.minimum(vertices[:, axis], surface)
     made = mesh.copy()
     made.vertices = vertices

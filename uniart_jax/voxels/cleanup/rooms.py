@@ -27,8 +27,8 @@ from uniart_jax.voxels.cleanup.fronts import (
     whole_door,
     whole_front,
 )
-from uniart_jax.voxels.isosurface import DenseField
-from uniart_jax.voxels.opening_direction import center_of, closed_end, still_parts
+from uniart_jax.voxels.isosurface import HALF_CELL, DenseField
+from uniart_jax.voxels.opening_direction import center_of, closed_end
 
 # lengths in sub-cells
 LIP = 6  # behind its door, within which a room has to begin
@@ -48,52 +48,57 @@ CORNER = 0.12  # of the sides: a round room does not reach so far into its corne
 # from its closed end, from which on a door (radians) or a drawer (object units) is not shown closed
 AJAR, PULLED = 0.05, 0.01
 RIM = 3  # layers of what a door closes against
-SOLID = 0.5  # distance of cells that are filled or cleared
 TRIM = 1.0  # percent of a drawer's cells that are not looked at, at either end
 
 
 def with_clean_rooms(
-    field: DenseField, boxes: np.ndarray, joints: Sequence[Joint], parents: Sequence[int]
+    field: DenseField,
+    boxes: np.ndarray,
+    joints: Sequence[Joint],
+    parents: Sequence[int],
+    body: Sequence[int],
 ) -> DenseField:
     """A field in which doors and drawers close straight, what they close are rooms with flat walls,
     and the frames around them are flat (``frames``).
 
     Args:
       field: of the shown state, owners are parts; flat outside (``flat_faces``).
-      boxes: [K, 6] centre and size of the first K parts, object units. joints, parents: of all.
+      boxes: [K, 6] centre and size of the first K parts, object units. joints: theirs. parents: of
+        all. body: parts that do not move, of all: what hangs on one that voxels do not show may
+        close a room too.
 
     Returns:
       A new field.
     """
     field = dataclasses.replace(field, sdf=field.sdf.copy(), owner=field.owner.copy())
-    still, fronts = still_parts(parents, joints), []
+    fronts: list[Front] = []
     for k in range(len(boxes)):
-        body = (field.sdf < 0) & np.isin(field.owner, still)
+        held = (field.sdf < 0) & np.isin(field.owner, body)
         cells = np.argwhere((field.sdf < 0) & (field.owner == k))
-        if k in still or parents[k] not in still or not len(cells) or not body.any():
+        if k in body or parents[k] not in body or not len(cells) or not held.any():
             continue
         before = field.sdf.copy(), field.owner.copy()
-        drawer = drawer_front(cells, boxes[k], joints[k], body)
+        drawer = drawer_front(cells, boxes[k], joints[k], held)
         if drawer is not None:
-            plate = whole_front(field, k, still, drawer)
+            plate = whole_front(field, body, k, drawer)
             _clean(field, [k], _from_above(cells, drawer, plate[1]), ends=True)
-            if plate[1] and _is_closed(joints[k], cells, body):
+            if plate[1] and _is_closed(joints[k], cells, held):
                 fronts.append(_layers(drawer, *plate))
-                straighten_rim(field, still, fronts[-1])
-                _clean(field, still, _behind(fronts[-1], body))
-        door = closed_door(cells, boxes[k], joints[k], body)
+                straighten_rim(field, body, fronts[-1])
+                _clean(field, body, _behind(fronts[-1], held))
+        door = closed_door(cells, boxes[k], joints[k], held)
         if door is not None:
-            if _is_closed(joints[k], cells, body):
-                whole_door(field, k, still, door)
+            if _is_closed(joints[k], cells, held):
+                whole_door(field, body, k, door)
             fronts.append(door)
-            straighten_rim(field, still, door)
-            _clean(field, still, _behind(door, body))
+            straighten_rim(field, body, door)
+            _clean(field, body, _behind(door, held))
         after = field.sdf < 0
         own = after[tuple(cells.T)] & (field.owner[tuple(cells.T)] == k)
-        rest = after & body & np.isin(field.owner, still)
-        if own.sum() < KEPT * len(cells) or rest.sum() < KEPT * body.sum():
+        rest = after & held & np.isin(field.owner, body)
+        if own.sum() < KEPT * len(cells) or rest.sum() < KEPT * held.sum():
             field.sdf[:], field.owner[:] = before
-    with_flat_frames(field, fronts, still)
+    with_flat_frames(field, body, fronts)
     return field
 
 
@@ -174,10 +179,10 @@ def _clean(field: DenseField, parts: Sequence[int], opening: Front, ends: bool =
     fill &= (shown > 0) & ~np.asarray(ndimage.binary_dilation(others), bool)
     # so that the walls lie between the cells
     edge = np.asarray(ndimage.binary_dilation(clear | fill), bool) & solid & ~clear
-    shown[edge] = np.minimum(shown[edge], -SOLID)
-    shown[clear] = SOLID
+    shown[edge] = np.minimum(shown[edge], -HALF_CELL)
+    shown[clear] = HALF_CELL
     whose[fill] = np.bincount(whose[solid]).argmax()
-    shown[fill] = -SOLID
+    shown[fill] = -HALF_CELL
 
 
 def _walls(solid: np.ndarray, room: _Room) -> tuple[np.ndarray, np.ndarray]:

@@ -17,7 +17,7 @@ from scipy import ndimage
 
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.voxels.cleanup.align_open_parts import Turn, turn_of
-from uniart_jax.voxels.isosurface import ZERO, DenseField
+from uniart_jax.voxels.isosurface import HALF_CELL, ZERO, DenseField
 from uniart_jax.voxels.opening_direction import center_of
 
 SQUARE = 1.2  # ratio of a round door's sides at most
@@ -35,7 +35,6 @@ LIP = 0.88  # radius of its opening
 GAP = 4  # sub-cells around a door's box that may be free
 WALL = 3  # sub-cells, thickness of what closes around a door
 APART = 3  # sub-cells between both: a door turns about a hinge within its thickness
-SOLID = 0.5  # distance of cells that are filled
 
 
 class Disc(NamedTuple):
@@ -57,20 +56,20 @@ class Disc(NamedTuple):
 
 
 def round_doors(
-    drawn: DenseField, boxes: np.ndarray, joints: Sequence[Joint], body: Sequence[int]
+    field: DenseField, boxes: np.ndarray, joints: Sequence[Joint], body: Sequence[int]
 ) -> list[Disc]:
     """Doors that a network draws round. Upright ones turn about an upright hinge.
 
     Args:
-      drawn: as the network draws it, before any face is made flat. boxes: [K, 6] centre and size of
+      field: as the network draws it, before any face is made flat. boxes: [K, 6] centre and size of
         the first K parts, object units. joints: theirs. body: owners that do not move.
     """
-    solid = drawn.sdf < 0
-    still = np.argwhere(solid & np.isin(drawn.owner, body))
-    size = drawn.sdf.shape[0] - 2
+    solid = field.sdf < 0
+    still = np.argwhere(solid & np.isin(field.owner, body))
+    size = field.sdf.shape[0] - 2
     found = []
     for part, (box, joint) in enumerate(zip(boxes, joints, strict=True)):
-        cells = np.argwhere(solid & (drawn.owner == part))
+        cells = np.argwhere(solid & (field.owner == part))
         if joint.type != "revolute" or part in body or not len(cells) or not len(still):
             continue
         turn = turn_of(cells, box, joint, size, True, center_of(still, size))
@@ -130,12 +129,12 @@ def _on_face(cells: np.ndarray, turn: Turn) -> tuple[np.ndarray, np.ndarray]:
     return places[0], places[1]
 
 
-def with_round_doors(field: DenseField, discs: Sequence[Disc], body: Sequence[int]) -> DenseField:
+def with_round_doors(field: DenseField, body: Sequence[int], discs: Sequence[Disc]) -> DenseField:
     """A field whose round doors are round, closed around by what does not move where they are shown
     closed.
 
     Args:
-      discs: of the same shown state (``round_doors``). body: owners that do not move.
+      body: owners that do not move. discs: of the same shown state (``round_doors``).
 
     Returns:
       A new field.
@@ -189,5 +188,5 @@ def _close_around(field: DenseField, disc: Disc, body: Sequence[int]) -> None:
     free = (field.sdf[near] > 0) & np.isin(field.owner[near], (-1, disc.part, *body))
     new = wall & free & apart
     mine = np.bincount(field.owner[near][solid]).argmax()
-    field.sdf[near][new] = -SOLID
+    field.sdf[near][new] = -HALF_CELL
     field.owner[near][new] = mine

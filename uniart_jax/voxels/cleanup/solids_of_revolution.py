@@ -22,7 +22,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from uniart_jax.voxels.cleanup.drawn_outline import drawn_outline
-from uniart_jax.voxels.isosurface import ZERO, DenseField
+from uniart_jax.voxels.isosurface import ZERO, DenseField, to_cells
 from uniart_jax.voxels.revolution_table import Revolution
 
 AGREE = 0.6  # least share of a part that lies within its solid of revolution ...
@@ -83,15 +83,15 @@ class _Outline:
 
 def with_revolutions(
     field: DenseField,
-    drawn: DenseField,
     boxes: np.ndarray,
+    drawn: DenseField,
     revolutions: Mapping[int, Revolution],
 ) -> tuple[DenseField, list[int]]:
     """A field whose parts ``revolutions`` are solids of revolution.
 
     Args:
-      field: of the shown state. drawn: the same before other passes. boxes: [K, 6] centre and size
-        of the first K parts, object units. revolutions: outlines of some of them.
+      field: of the shown state. boxes: [K, 6] centre and size of the first K parts, object units.
+      drawn: the field before other passes. revolutions: outlines of some of the parts.
 
     Returns:
       A new field, in which solid cells of other parts are as they were, but for outer walls of
@@ -125,8 +125,8 @@ def _outline(
 ) -> _Outline | None:
     """That of a part with cells [D, U, V], D along its axis; None where they show another shape."""
     size, axis = len(mine) - 2, revolution.axis
-    low, high = ((box[axis] + s * box[3 + axis] / 2 + 0.5) * size + 0.5 for s in (-1, 1))
-    middle = (revolution.center + 0.5) * size + 0.5
+    low, high = (to_cells(box[axis] + s * box[3 + axis] / 2, size) for s in (-1, 1))
+    middle = to_cells(revolution.center, size)
     depth = np.arange(len(mine), dtype=np.float32)
     radius = revolution.radius((depth - low) / max(high - low, 1e-6)) * size
     if revolution.estimate:
@@ -134,7 +134,7 @@ def _outline(
         middle, radius = _corrected(mine & layers[:, None, None], middle, radius)
     across = np.delete(np.arange(3), axis)
     reach = box[3 + across] / 2 * size
-    offset = (box[across] + 0.5) * size + 0.5 - middle
+    offset = to_cells(box[across], size) - middle
     radius = np.minimum(radius, (np.abs(offset) + reach).max() + 1)
     if radius.max() < NARROW or high - low < 1:
         return None

@@ -12,10 +12,10 @@ from collections.abc import Collection, Sequence
 import numpy as np
 
 from uniart_jax.objects.kinematics import Joint
-from uniart_jax.voxels.closing import moved
-from uniart_jax.voxels.isosurface import DenseField
+from uniart_jax.voxels.closed_pose import moved
+from uniart_jax.voxels.isosurface import DenseField, to_cells, to_points
 from uniart_jax.voxels.joint_code import box_corners
-from uniart_jax.voxels.opening_direction import center_of, closed_end, opens_to, places
+from uniart_jax.voxels.opening_direction import center_of, closed_end, opens_to
 
 THICK = 2.2  # sub-cells, of a tray's floor and walls
 FLAT = 2.0  # times that thickness, up to which a box is a floor alone
@@ -42,7 +42,7 @@ def trays(
     Args:
       field: as it is drawn. boxes: [K, 6] centre and size of the first K parts, object units.
       joints, parents: theirs. body: owners that do not move. closed: [K, 3, 4] motions that close
-        doors (``closing.closing_of``). rows: the parts that may be racks.
+        doors (``closed_pose.closing_of``). rows: the parts that may be racks.
     """
     rows = [k for k in rows if joints[k].type == "prismatic" and parents[k] in body]
     if not rows:
@@ -51,7 +51,7 @@ def trays(
     cells = [np.argwhere(solid & (field.owner == k)) for k in range(len(boxes))]
     held = np.argwhere(solid & np.isin(field.owner, list(body)))
     doors = [
-        moved(closed[k], places(cells[k], size))
+        moved(closed[k], to_points(cells[k], size))
         for k in range(len(boxes))
         if joints[k].type == "revolute" and k not in body and len(cells[k])
     ]
@@ -64,7 +64,7 @@ def trays(
             continue
         at_rest = closed_end(joint, cells[k], center_of(held, size), size)
         shift = np.tile(joint.motion(at_rest)[:3, 3], 2)
-        if _is_wire(cells[k], (box + 0.5) * size + 0.5, *way) and _behind(box + shift, doors, *way):
+        if _is_wire(cells[k], to_cells(box, size), *way) and _behind(box + shift, doors, *way):
             found[k] = _tray(box, THICK / size)
     return found
 

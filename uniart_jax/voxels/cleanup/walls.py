@@ -16,7 +16,7 @@ import trimesh
 from scipy import ndimage
 
 from uniart_jax.objects.kinematics import Joint
-from uniart_jax.voxels.isosurface import DenseField
+from uniart_jax.voxels.isosurface import HALF_CELL, DenseField, to_cells
 from uniart_jax.voxels.joint_code import box_corners
 
 # lengths in sub-cells, areas in columns of them, of a grid with 128 along its side
@@ -29,7 +29,6 @@ LEFT = 0.5  # share of them that no part passes through, at least
 THROUGH = 0.15  # object units: a smaller part, as a knob, stands before a wall
 BESIDE = 2  # around a part's way
 THICKNESS = 3  # of what closes a hole
-SOLID = 0.5  # distance of cells that are filled
 
 
 def with_whole_walls(
@@ -74,7 +73,7 @@ def _way(box: np.ndarray, joint: Joint, size: int) -> np.ndarray:
     corners = trimesh.bounds.corners(box_corners(box).reshape(2, 3))
     states = (0.0, *joint.limits, *np.linspace(*joint.limits, 5)[1:-1])
     places = np.concatenate([trimesh.transform_points(corners, joint.motion(q)) for q in states])
-    cells = (places + 0.5) * size + 0.5
+    cells = to_cells(places, size)
     return np.stack([cells.min(0) - BESIDE, cells.max(0) + BESIDE])
 
 
@@ -119,7 +118,7 @@ def _close_holes(
             continue
         here = slice(plane, plane + THICKNESS)
         free = left & (sdf[here] > 0)
-        sdf[here][free], owner[here][free] = -SOLID, mine
+        sdf[here][free], owner[here][free] = -HALF_CELL, mine
 
 
 def _passes(way: np.ndarray, plane: int, shape: tuple[int, int]) -> np.ndarray:

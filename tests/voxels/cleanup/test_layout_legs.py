@@ -19,7 +19,7 @@ from fields import (
 from scipy import ndimage
 
 from uniart_jax.data.mirror import mirror_legs
-from uniart_jax.voxels.cleanup.found_legs import with_legs
+from uniart_jax.voxels.cleanup.layout_legs import with_legs
 from uniart_jax.voxels.leg_table import Legs, legs_from_json, legs_to_json, read_legs
 
 LOW, HIGH = 6.3, 44.3

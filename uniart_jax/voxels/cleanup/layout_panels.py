@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import ndimage
 
-from uniart_jax.voxels.isosurface import ZERO, DenseField
+from uniart_jax.voxels.isosurface import ZERO, DenseField, to_cells
 from uniart_jax.voxels.leg_table import Legs
 from uniart_jax.voxels.panel_table import Panels
 
@@ -64,7 +64,7 @@ def with_panels(
         return None
     size = field.sdf.shape[0] - 2
     own = np.where(mine, field.sdf, np.abs(field.sdf))
-    boxes = fitted(aligned((panels.boxes + 0.5) * size + 0.5, solid, own))
+    boxes = fitted(aligned(to_cells(panels.boxes, size), solid, own))
     distance = distance_to(boxes, field.sdf.shape)
     if not _agree(field.sdf < 0, solid, distance, legs):
         return None
@@ -196,7 +196,7 @@ def _agree(drawn: np.ndarray, solid: np.ndarray, distance: np.ndarray, legs: Leg
     """Whether panels at a ``distance`` [X, Y, Z] and legs are what is drawn of the body."""
     near = distance
     if legs is not None:
-        near = np.minimum(near, distance_to((legs.boxes + 0.5) * (len(near) - 2) + 0.5, near.shape))
+        near = np.minimum(near, distance_to(to_cells(legs.boxes, len(near) - 2), near.shape))
     around = ndimage.binary_dilation(drawn, iterations=NEAR)
     inside = around[distance < 0]
     shown = inside.mean() if len(inside) else 0.0

@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from scipy import ndimage
 
-from uniart_jax.voxels.isosurface import ZERO, DenseField
+from uniart_jax.voxels.isosurface import ZERO, DenseField, to_cells
 from uniart_jax.voxels.leg_table import Legs
 
 LEVEL = 0.03  # object units; ends that differ by less from the median are at one height
@@ -89,7 +88,7 @@ class Prisms:
         self.size = solid.shape[0] - 2
         self._legs = legs
         self._xy = np.stack(np.meshgrid(*[np.arange(self.size + 2.0)] * 2, indexing="ij"), -1)
-        feet, tops = (_cells(_levelled(ends), self.size) for ends in legs.heights.T)
+        feet, tops = (to_cells(_levelled(ends), self.size) for ends in legs.heights.T)
         told, foot = float(np.median(tops)), float(np.median(feet))
         self.feet = np.clip(feet, 1, self.size)
         end = _upper_end(solid, foot, tops, self.size)
@@ -124,7 +123,7 @@ class Prisms:
         """Lower and upper corner [2] of a leg's rectangle in a layer, cells."""
         share = (z - self.feet[k]) / max(self.tops[k] - self.feet[k], 1.0)
         edges = (1 - share) * self._legs.lower[k] + share * self._legs.upper[k]
-        edges = _cells(edges, self.size)
+        edges = to_cells(edges, self.size)
         return edges[:2] + self._shift[k], edges[2:] + self._shift[k]
 
     def _under(self, solid: np.ndarray) -> np.ndarray:
@@ -201,11 +200,6 @@ def _go_on(
     for z, distance in layers:
         distance = np.minimum(distance, field.sdf[:, :, z])
         _draw(field, z, distance, free[:, :, z] & (distance < 0), part)
-
-
-def _cells(places: Any, size: int) -> Any:
-    """Places in the object's frame as cells, with fractions."""
-    return (places + 0.5) * size + 0.5
 
 
 def _upper_end(solid: np.ndarray, foot: float, tops: np.ndarray, size: int) -> float | None:

@@ -5,7 +5,7 @@ import pytest
 from fields import AT, assert_same, block, copy_of, field_of, solid_of
 from scipy import ndimage
 
-from uniart_jax.voxels.cleanup.legs import with_whole_legs
+from uniart_jax.voxels.cleanup.straight_legs import with_whole_legs
 
 TOP = block((8.3, 8.3, 44.3), (58.3, 58.3, 48.3))
 

@@ -21,14 +21,13 @@ from scipy import ndimage
 
 from uniart_jax.objects.kinematics import Joint, subtrees
 from uniart_jax.voxels.grid import connected, dilated
-from uniart_jax.voxels.isosurface import ZERO, DenseField
-from uniart_jax.voxels.opening_direction import center_of, closed_end, opens_to, places
+from uniart_jax.voxels.isosurface import ZERO, DenseField, to_points
+from uniart_jax.voxels.opening_direction import ALONG_LATTICE, center_of, closed_end, opens_to
 
 STEP = 1.0  # sub-cells that the farthest cell of a part goes between two states, unless these
 STATES = (9, 193)  # are more, or fewer
 MARGIN = 0.25  # sub-cells around a moving part that stay free
 LOST = (0.3, 0.5)  # share of its cells that what stands still, and what moves, may lose
-ALONG = 0.998  # least cosine between a hinge and an axis of the lattice
 LINE = 0.1  # of a line along it, from which on all of the line is cut
 WALL = 2  # sub-cells, thickness of what counts as an outer wall
 KNOB = 0.15  # object units; what is smaller, and its dish, may lie in any wall
@@ -115,7 +114,7 @@ def with_meshes(field: DenseField, meshes: Sequence[trimesh.Trimesh], first: int
         high = np.clip(np.ceil(high).astype(int), 1, size)
         window = tuple(slice(a, b + 1) for a, b in zip(low, high, strict=True))
         cells = np.indices(high - low + 1).reshape(3, -1).T + low
-        depth = _within(mesh, places(cells, size)) * size
+        depth = _within(mesh, to_points(cells, size)) * size
         depth[depth.argmax()] = max(depth.max(), 0.5)
         depth = depth.reshape(high - low + 1)
         whose = np.where(sdf[window] < 0, owner[window], -1)
@@ -140,7 +139,7 @@ def _motions(joint: Joint, cells: np.ndarray, size: int) -> list[np.ndarray]:
     lo, hi = joint.limits
     path = hi - lo
     if joint.rotates:
-        away = np.cross(places(cells, size) - joint.origin, joint.direction)
+        away = np.cross(to_points(cells, size) - joint.origin, joint.direction)
         path *= float(np.hypot(np.linalg.norm(away, axis=1).max(), joint.pitch))
     count = int(np.clip(np.ceil(path * size / STEP), *STATES))
     return [joint.motion(q) for q in np.linspace(lo, hi, count)]
@@ -149,7 +148,7 @@ def _motions(joint: Joint, cells: np.ndarray, size: int) -> list[np.ndarray]:
 def _passed(cells: np.ndarray, motions: Sequence[np.ndarray], shape: tuple[int, ...]) -> np.ndarray:
     """[n, n, n] bool, all that ``cells`` [m, 3] may touch at any of the motions."""
     passed, size = np.zeros(shape, bool), shape[0] - 2
-    points = places(cells, size)
+    points = to_points(cells, size)
     for motion in motions:
         at = _cells(points, motion, size)
         at = np.rint(at[((at > 0) & (at < size + 1)).all(1)]).astype(np.int32)
@@ -168,7 +167,7 @@ def _depth(
     """[n] how deep ``cells`` [n, 3] get, sub-cells, into the solid of the cells ``theirs`` at any
     of the motions; 0 where they do not."""
     size, solid = sdf.shape[0] - 2, theirs & (sdf < 0)
-    depth, points = np.zeros(len(cells)), places(cells, size)
+    depth, points = np.zeros(len(cells)), to_points(cells, size)
     if not solid.any():
         return depth
     window = ndimage.find_objects(solid.astype(np.int8))[0]
@@ -204,7 +203,11 @@ def _straight(
       ``barring`` and ``depth`` with the rest of these lines, or as they are for other joints.
     """
     axis = int(np.abs(joint.direction).argmax())
-    if joint.type != "revolute" or abs(joint.direction[axis]) < ALONG or not (depth > 0).any():
+    if (
+        joint.type != "revolute"
+        or abs(joint.direction[axis]) < ALONG_LATTICE
+        or not (depth > 0).any()
+    ):
         return barring, depth
     span = slice(int(cells[:, axis].min()), int(cells[:, axis].max()) + 1)
     within = (depth > 0) & (barring[:, axis] >= span.start) & (barring[:, axis] < span.stop)

@@ -10,7 +10,7 @@ import trimesh
 from uniart_jax import procedural
 from uniart_jax.data.mirror import mirror_codes, mirror_corners
 from uniart_jax.objects.kinematics import Joint
-from uniart_jax.voxels.closing import closed_boxes, closing, closing_of, moved, undone
+from uniart_jax.voxels.closed_pose import closed_boxes, closing, closing_of, moved, undone
 from uniart_jax.voxels.joint_code import decode_joint, encode_joint, gauge_variants
 
 BODY = np.array([-0.3, -0.3, -0.4, 0.2, 0.3, 0.4])

@@ -15,8 +15,8 @@ from scipy import ndimage
 
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.voxels.cleanup.align_open_parts import resampled
-from uniart_jax.voxels.cleanup.found_panels import BESIDE, FARTHEST, aligned, distance_to, fitted
-from uniart_jax.voxels.isosurface import ZERO, DenseField
+from uniart_jax.voxels.cleanup.layout_panels import BESIDE, FARTHEST, aligned, distance_to, fitted
+from uniart_jax.voxels.isosurface import ZERO, DenseField, to_cells
 from uniart_jax.voxels.opening_direction import opens_to
 
 # lengths in sub-cells, of a grid with 128 along its side
@@ -42,9 +42,9 @@ WALL, REACH = 0.4, 0.25  # of a layer that is a wall's; of what a drawer enclose
 
 def with_boards(
     field: DenseField,
-    boards: Mapping[int, np.ndarray],
     joints: Sequence[Joint],
     body: Sequence[int],
+    boards: Mapping[int, np.ndarray],
     motions: Mapping[int, np.ndarray] | None = None,
     exact: bool = False,
 ) -> tuple[DenseField, frozenset[int]]:
@@ -58,9 +58,9 @@ def with_boards(
     of the body within it go.
 
     Args:
-      boards: [N, 6] lower and upper corners, object units, of some owners. joints: of all owners.
-      body: owners that do not move. motions: [3, 4] of the owners whose boards are told elsewhere
-        than they are shown, to there: doors that stand ajar (``voxels.closing``), object units.
+      joints: of all owners. body: owners that do not move. boards: [N, 6] lower and upper corners,
+        object units, of some owners. motions: [3, 4] of those whose boards are told elsewhere than
+        they are shown, to there: doors that stand ajar (``voxels.closed_pose``), object units.
       exact: parts are their boards as they are told, whatever is drawn of them, and nothing else
         of them stays.
 
@@ -78,7 +78,7 @@ def with_boards(
         solid = (field.sdf < 0) & (field.owner == k)
         if not len(rows) or not solid.any() or not held.any():
             continue
-        rows = (rows + 0.5) * size + 0.5  # in cells
+        rows = to_cells(rows, size)
         way = opens_to(joints[k], np.argwhere(solid), np.argwhere(held), size)
         own = np.where(field.owner == k, field.sdf, np.abs(field.sdf))
         if motions is not None and k in motions:
@@ -141,7 +141,7 @@ def _turned(
     """
     size = len(solid) - 2
     there = np.vstack([motion, [0, 0, 0, 1]])
-    middle = np.full(3, 0.5 * size + 0.5)  # in cells
+    middle = to_cells(np.zeros(3), size)
     there[:3, 3] = motion[:, 3] * size + middle - motion[:, :3] @ middle
     window = ndimage.find_objects(solid.astype(np.int8))[0]
     window = tuple(slice(max(s.start - 1, 0), s.stop + 1) for s in window)

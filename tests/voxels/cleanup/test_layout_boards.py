@@ -10,7 +10,7 @@ from scipy import ndimage
 from uniart_jax import procedural
 from uniart_jax.data.panels import boards_of
 from uniart_jax.objects.kinematics import Joint
-from uniart_jax.voxels.cleanup.found_boards import with_boards
+from uniart_jax.voxels.cleanup.layout_boards import with_boards
 from uniart_jax.voxels.isosurface import dense_field, with_sources
 from uniart_jax.voxels.opening_direction import still_parts
 from uniart_jax.voxels.voxelize import voxelize
@@ -47,7 +47,7 @@ def at(boards):
 
 
 def build(field, boards=DRAWER, joints=JOINTS):
-    return with_boards(field, {1: at(boards)}, joints, [0])
+    return with_boards(field, joints, [0], {1: at(boards)})
 
 
 def torn(shape, share=0.02, seed=0):
@@ -127,7 +127,7 @@ def test_what_touches_another_part_or_a_wall_keeps_its_thickness():
     field = field_of(CASE, lid, handle)
     hinge = Joint(place_of([52, 0, 56]), np.array([0, 1.0, 0]), angle=(0, 1.5))
     plate = np.array([[12.3, 8.3, 56.3, 52.3, 57.3, 58.5]])
-    after, built = with_boards(field, {1: at(plate)}, [JOINTS[0], hinge, Joint.fixed()], [0])
+    after, built = with_boards(field, [JOINTS[0], hinge, Joint.fixed()], [0], {1: at(plate)})
     assert built == {1}
     np.testing.assert_array_equal(solid_of(after, 1), solid_of(field, 1))
     np.testing.assert_array_equal(solid_of(after, 2), solid_of(field, 2))
@@ -180,7 +180,7 @@ def test_other_parts_stay():
     thick = DRAWER.copy()
     thick[0, 5] = 33.0  # its front is over the door's lower edge
     field = field_of(CASE, SHAPE, door)
-    after, _ = with_boards(field, {1: at(thick)}, [*JOINTS, JOINTS[1]], [0])
+    after, _ = with_boards(field, [*JOINTS, JOINTS[1]], [0], {1: at(thick)})
     np.testing.assert_array_equal(solid_of(after, 2), solid_of(field, 2))
     np.testing.assert_array_equal(after.sdf[solid_of(field, 2)], field.sdf[solid_of(field, 2)])
 
@@ -248,7 +248,7 @@ def test_a_torn_door_that_stands_ajar_becomes_its_boards(angle):
     shape, hinge = ajar(angle)
     rough, ideal = field_of(CUPBOARD, torn(shape, 0.004)), field_of(CUPBOARD, shape)
     before = copy_of(rough)
-    after, built = with_boards(rough, {1: at(DOOR)}, [JOINTS[0], hinge], [0], closed_by(hinge))
+    after, built = with_boards(rough, [JOINTS[0], hinge], [0], {1: at(DOOR)}, closed_by(hinge))
     assert_same(rough, before)
     assert built == {1}
     want, got, was = (solid_of(field, 1) for field in (ideal, after, rough))
@@ -263,10 +263,10 @@ def test_a_door_is_as_wide_as_it_is_drawn():
     near, far = DOOR[:1].copy(), DOOR[:1].copy()
     near[0, [1, 2, 4, 5]] += [5, -4, 3, -6]
     far[0, [4, 5]] -= 14
-    after, built = with_boards(field, {1: at(near)}, [JOINTS[0], hinge], [0])
+    after, built = with_boards(field, [JOINTS[0], hinge], [0], {1: at(near)})
     assert built == {1}
     np.testing.assert_array_equal(solid_of(after, 1), solid_of(field_of(CUPBOARD, door), 1))
-    assert with_boards(field, {1: at(far)}, [JOINTS[0], hinge], [0])[1] == frozenset()
+    assert with_boards(field, [JOINTS[0], hinge], [0], {1: at(far)})[1] == frozenset()
 
 
 def test_walls_of_a_drawer_that_is_drawn_narrower_move_as_they_are():
@@ -290,7 +290,7 @@ def test_a_tab_beyond_the_edge_of_a_door_stays():
     boards = np.stack([DOOR[0], tab])
     field = field_of(CUPBOARD, np.min([block(b[:3], b[3:]) for b in boards], 0))
     hinge = Joint(*AT_LEFT, angle=(0.0, 1.5))
-    after, built = with_boards(field, {1: at(boards)}, [JOINTS[0], hinge], [0])
+    after, built = with_boards(field, [JOINTS[0], hinge], [0], {1: at(boards)})
     assert built == {1} and solid_of(after, 1)[block(tab[:3], tab[3:]) < -0.5].all()
 
 
@@ -299,14 +299,14 @@ def test_boards_that_hang_in_the_air_reach_the_door():
     field = field_of(CUPBOARD, np.minimum(block(*DOOR[0].reshape(2, 3)), handle))
     boards = np.array([DOOR[0], [26.3, 30.3, 19.3, 29.3, 34.3, 41.3]])
     hinge = Joint(*AT_LEFT, angle=(0.0, 1.5))
-    after, built = with_boards(field, {1: at(boards)}, [JOINTS[0], hinge], [0])
+    after, built = with_boards(field, [JOINTS[0], hinge], [0], {1: at(boards)})
     assert built == {1} and ndimage.label(solid_of(after, 1))[1] == 1
 
 
 def test_a_handle_of_an_open_door_stays_though_no_board_is_found_of_it():
     shape, hinge = ajar(0.4)
     field, plate = field_of(CUPBOARD, shape), at(DOOR[:1])
-    after, built = with_boards(field, {1: plate}, [JOINTS[0], hinge], [0], closed_by(hinge))
+    after, built = with_boards(field, [JOINTS[0], hinge], [0], {1: plate}, closed_by(hinge))
     assert built == {1}
     handle = ajar(0.4, DOOR[1:])[0] < -0.5
     assert solid_of(after, 1)[handle].mean() > 0.85
@@ -316,12 +316,12 @@ def test_boards_of_an_open_door_of_another_shape_are_not_taken():
     shape, hinge = ajar(0.4)
     field = field_of(CUPBOARD, shape)
     for boards in (DOOR[:1] - [0, 0, 20, 0, 0, 20], DOOR * [1, 1, 1, 1, 0.6, 1]):
-        told = {1: at(boards)}, [JOINTS[0], hinge], [0], closed_by(hinge)
+        told = [JOINTS[0], hinge], [0], {1: at(boards)}, closed_by(hinge)
         after, built = with_boards(field, *told)
         assert built == frozenset()
         assert_same(after, field)
     elsewhere = {1: np.eye(3, 4)}  # it is not closed by this
-    after, built = with_boards(field, {1: at(DOOR)}, [JOINTS[0], hinge], [0], elsewhere)
+    after, built = with_boards(field, [JOINTS[0], hinge], [0], {1: at(DOOR)}, elsewhere)
     assert built == frozenset()
 
 
@@ -347,7 +347,7 @@ def test_what_is_true_is_changed_by_little():
         if not boards:
             continue
         field = dense_field(grid, grid.owner)
-        after, built = with_boards(field, boards, joints, body)
+        after, built = with_boards(field, joints, body, boards)
         for k in built:
             one, two = solid_of(field, k), solid_of(after, k)
             ends = [np.array([np.argwhere(x).min(0), np.argwhere(x).max(0)]) for x in (one, two)]

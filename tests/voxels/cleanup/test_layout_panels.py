@@ -18,7 +18,7 @@ from scipy import ndimage
 from uniart_jax import procedural
 from uniart_jax.data.mirror import mirror_corners
 from uniart_jax.data.panels import panels_of
-from uniart_jax.voxels.cleanup.found_panels import fitted, with_panels
+from uniart_jax.voxels.cleanup.layout_panels import fitted, with_panels
 from uniart_jax.voxels.leg_table import Legs
 from uniart_jax.voxels.panel_table import (
     THINNEST,
