@@ -102,7 +102,10 @@ def protrusions(fine: Fine, boxes: Sequence[Place]) -> list[np.ndarray]:
         own = labels[window] == k
         if own.sum() < LEAST or fine.visible[window][own].mean() < OPEN:
             continue
-        rooted = np.asarray(ndimage.binary_dilation(own, block, out), bool)
+        rooted = own.copy()  # straight on to the boxes
+        for line in np.eye(3, dtype=int):
+            ray = np.ones(1 + 2 * line * out, bool)
+            rooted |= np.asarray(ndimage.binary_dilation(own, ray), bool)
         cells = np.argwhere(rooted & fine.inside[window])
         found.append((int(own.sum()), cells + [s.start for s in window] + fine.first))
     found.sort(key=lambda piece: -piece[0])

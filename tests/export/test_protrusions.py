@@ -1,0 +1,146 @@
+"""Legs and handles of rough parts have collision shapes of their own; no budget takes them away."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+from skimage import measure
+
+from uniart_jax.export.bodies import make_bodies
+from uniart_jax.export.budget import PART_MOST, shape_count, within_budget
+from uniart_jax.export.physics import Box, Hull
+from uniart_jax.export.protrusions import as_shapes, fine_cells, protrusions
+from uniart_jax.export.separation import as_solid
+from uniart_jax.export.voxel_boxes import cover
+from uniart_jax.objects.kinematics import Joint
+from uniart_jax.objects.object import ArticulatedObject, Part
+
+LATTICE = 128
+FRONT = ((0, -1),)
+
+
+def solid(*blocks) -> np.ndarray:
+    """Cells of blocks ((x0, x1), (y0, y1), (z0, z1)) in the cube [-1/2, 1/2]^3."""
+    centers = (np.indices((LATTICE,) * 3) + 0.5) / LATTICE - 0.5
+    full = np.zeros((LATTICE,) * 3, bool)
+    for block in blocks:
+        sides = zip(centers, block, strict=True)
+        full |= np.logical_and.reduce([(c > lo) & (c < hi) for c, (lo, hi) in sides])
+    return full
+
+
+def rough(full: np.ndarray, seed: int = 0) -> trimesh.Trimesh:
+    """Marching cubes of a solid, bumpy as a network's."""
+    field = np.where(full, -1.0, 1.0) * np.random.default_rng(seed).uniform(0.2, 1, full.shape)
+    vertices, faces, _, _ = measure.marching_cubes(np.pad(field, 1, constant_values=1.0), 0.0)
+    return trimesh.Trimesh((vertices - 0.5) / len(full) - 0.5, faces, process=False)
+
+
+def cabinet() -> ArticulatedObject:
+    """A case on four legs two cells thick, with a door that has a bow handle three cells out."""
+    leg = [
+        ((x, x + 0.016), (y, y + 0.016), (-0.45, -0.2))
+        for x in (-0.15, 0.15)
+        for y in (-0.28, 0.28)
+    ]
+    case = ((-0.18, 0.2), (-0.3, 0.3), (-0.22, 0.4))
+    door = ((-0.23, -0.19), (-0.3, 0.3), (-0.2, 0.4))
+    posts = [((-0.26, -0.23), (-0.25, -0.234), (z, z + 0.016)) for z in (0.0, 0.15)]
+    bar = ((-0.27, -0.254), (-0.25, -0.234), (0.0, 0.166))
+    hinge = Joint([-0.2, 0.3, 0.1], [0, 0, 1], (0, 1.5))
+    return ArticulatedObject(
+        (
+            Part("base", rough(solid(case, *leg))),
+            Part("door", rough(solid(door, *posts, bar), 1), 0, hinge),
+        ),
+        scale=2.0,
+        from_voxels=True,
+    )
+
+
+def lowest(shapes) -> np.ndarray:
+    """[4] lowest z of shapes in each quarter, seen from above."""
+    points = [np.asarray(as_solid(s).to_mesh().vert_properties)[:, :3] for s in shapes]
+    points = np.concatenate(points)
+    quarters = (points[:, 0] > 0) + 2 * (points[:, 1] > 0)
+    return np.array([points[quarters == q, 2].min() for q in range(4)])
+
+
+@pytest.fixture(scope="module")
+def made():
+    obj = cabinet()
+    meshes = [part.mesh for part in obj.parts]
+    bodies = make_bodies(obj, meshes)
+    return obj, bodies, within_budget(obj, bodies, meshes)
+
+
+@pytest.mark.parametrize("budget", [None, 64, 12])
+def test_an_object_stands_on_all_of_its_legs(made, budget):
+    obj, bodies, light = made
+    if budget is not None:
+        light = within_budget(obj, bodies, [p.mesh for p in obj.parts], budget)
+        assert shape_count(light) <= budget
+    assert len(light[0].shapes) <= PART_MOST
+    bottom = 2 * obj.parts[0].mesh.bounds[0, 2]
+    np.testing.assert_allclose(lowest(light[0].shapes), bottom, atol=0.01)
+
+
+def test_a_handle_can_be_held(made):
+    obj, _, light = made
+    points = [np.asarray(as_solid(s).to_mesh().vert_properties)[:, :3] for s in light[1].shapes]
+    front = min(own[:, 0].min() for own in points)
+    assert front == pytest.approx(2 * obj.parts[1].mesh.bounds[0, 0], abs=0.02)
+    held = [s for s in light[1].shapes if s.stands_out]
+    assert held and all(isinstance(s, Box | Hull) for s in held)
+    between = 2 * np.array([-0.245, -0.242, 0.08])  # a finger goes behind the bow
+    from_bow = [as_solid(s) for s in held]
+    assert all(not _holds(one, between) for one in from_bow)
+
+
+def _holds(one, point) -> bool:
+    lo, hi = np.reshape(one.bounding_box(), (2, 3))
+    return bool((point > lo).all() and (point < hi).all())
+
+
+def cube_with(pin: bool, other: bool) -> tuple:
+    """The fine cells of a cube of 16 coarse ones with a pin at its front; ``other``: a part before
+    it."""
+    mesh = trimesh.creation.box(bounds=[[8, 8, 8], [24, 24, 24]])
+    if pin:
+        rod = trimesh.creation.box(bounds=[[3, 15, 15], [9, 17, 17]])
+        mesh = trimesh.boolean.union([mesh, rod], engine="manifold")
+    others = np.zeros((32, 32, 32), bool)
+    others[0, 10:22, 10:22] = other
+    fine = fine_cells(np.asarray(mesh.vertices), np.asarray(mesh.faces), 32, others, FRONT, False)
+    return fine, [(np.array([8, 8, 8]), np.array([24, 24, 24]))]
+
+
+def test_what_stands_out_is_found_with_its_root():
+    (cells,) = protrusions(*cube_with(True, False))
+    assert cells.min(0).tolist() == [6, 30, 30] and cells.max(0)[0] >= 16
+    assert cells.max(0)[1:].tolist() == [33, 33]
+    assert not protrusions(*cube_with(False, False))
+
+
+def test_what_another_part_hides_is_no_handle():
+    assert not protrusions(*cube_with(True, True))
+
+
+def test_cells_of_other_parts_are_not_its_own():
+    fine, boxes = cube_with(True, False)
+    taken = np.zeros((32, 32, 32), bool)
+    taken[2:8] = True
+    mesh = trimesh.creation.box(bounds=[[3, 8, 8], [24, 24, 24]])
+    fine = fine_cells(np.asarray(mesh.vertices), np.asarray(mesh.faces), 32, taken, FRONT, False)
+    assert not fine.inside[:9].any() and fine.inside[10:].any() and not protrusions(fine, boxes)
+
+
+def test_a_slanted_leg_is_a_hull_and_a_straight_one_a_box():
+    straight = np.argwhere(np.ones((4, 4, 30), bool))
+    ((low, high),) = as_shapes(straight, cover)
+    assert low.tolist() == [0, 0, 0] and high.tolist() == [4, 4, 30]
+    slanted = np.concatenate([straight[straight[:, 2] == z] + [z, 0, 0] for z in range(30)])
+    found = as_shapes(slanted, cover)
+    assert isinstance(found, trimesh.Trimesh) and found.is_convex
+    assert isinstance(as_shapes(slanted, cover, hulls=False), list)

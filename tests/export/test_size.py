@@ -1,0 +1,38 @@
+"""How large an object is taken to be."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import trimesh
+
+from uniart_jax.export.size import WIDEST, parse_size, typical_scale, typical_size
+from uniart_jax.objects.kinematics import Joint
+from uniart_jax.objects.object import ArticulatedObject, Part
+
+
+def fridge(width: float, opened: float = 0.0) -> ArticulatedObject:
+    """1 unit high; a door as wide as itself that is shown opened by an angle."""
+    body = trimesh.creation.box((0.4, width, 1.0))
+    door = trimesh.creation.box((0.02, width, 1.0))
+    door.apply_translation([-0.21, 0, 0])
+    hinge = Joint([-0.2, width / 2, 0], [0, 0, 1], (0, 1.5))
+    obj = ArticulatedObject((Part("a", body), Part("b", door, 0, hinge)))
+    return obj.shown_at(np.array([0.0, opened]))
+
+
+def test_as_long_at_rest_as_usual():
+    for opened in (0.0, 1.5):
+        assert typical_scale(fridge(0.35, opened), "refrigerator") == pytest.approx(1.7)
+    assert typical_scale(fridge(0.35), "microwave") == pytest.approx(0.5)
+
+
+def test_a_cube_is_a_small_refrigerator():
+    assert typical_scale(fridge(1.0), "refrigerator") == pytest.approx(WIDEST["refrigerator"])
+
+
+def test_what_nobody_knows_is_a_metre():
+    assert typical_scale(fridge(0.5), "assembly of nothing") == 1.0
+    assert typical_size("Storage Furniture") == parse_size("storagefurniture") == 1.25
+    with pytest.raises(ValueError, match="--size 'huge'"):
+        parse_size("huge")
