@@ -1,6 +1,6 @@
 """The picture of the page in docs/app.md: `uniart app` in headless Chromium.
 
-    python tools/app_picture.py docs/app.png [--image FILE] [--joint hinge_2] [--open .75]
+    python tools/app_picture.py docs/app.png [--image FILE] [--joint door_1] [--open .75]
 
 The image is dropped on the page, the object made with the page's defaults, and one of its joints
 moved by its slider. Two minutes on one core. Needs Gradio (the extra ``app``) and Chromium
@@ -70,7 +70,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("out", type=Path)
     parser.add_argument("--image", type=Path, default=ROOT / "examples/photograph.jpg")
-    parser.add_argument("--joint", default="hinge_2", help="the one that is moved")
+    parser.add_argument("--joint", default="door_1", help="the one that is moved")
     parser.add_argument("--open", type=float, default=0.75, help="share of its range")
     given = parser.parse_args()
     from uniart_jax.app.serve import start

@@ -63,7 +63,7 @@ def test_several_samples_and_one_that_fails(made):
 
 def test_reports_say_how_it_was_made(made):
     for one in made[1]:
-        assert one.found == f"{kind_of(toy_layout())}: 1 slider"
+        assert one.found == f"{kind_of(toy_layout())}: 1 drawer"
         assert one.report["seed"] == one.seed and one.report["checkpoint"] == "toy"
         assert one.report["background"] == ["alpha"] and one.report["spread"]["samples"] == 2
         assert (one.folder / "view.html").is_file()

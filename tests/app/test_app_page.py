@@ -140,12 +140,12 @@ def test_an_example_becomes_an_object_and_a_zip(opened, toy, tmp_path):
     assert "2 parts, 1 of them moves" in text(opened, "#seen")
     make(opened)
     assert toy.pipeline.asked[-1]["seed"] == 0 and toy.pipeline.asked[-1]["steps"] is None
-    assert "1 slider" in text(opened, "#objects") and "checks passed" in text(opened, "#checks")
+    assert "1 drawer" in text(opened, "#objects") and "checks passed" in text(opened, "#checks")
     assert opened.evaluate("document.querySelectorAll('#stages li.done').length") == 8
-    assert move_slider(opened, "slider_1") == pytest.approx(0.3, abs=0.01)
+    assert move_slider(opened, "drawer_1") == pytest.approx(0.3, abs=0.01)
     out = download(opened, tmp_path / "taken")
     (urdf,) = out.rglob("object.urdf")
-    assert joints_of(urdf)["slider_1_joint"][1] == pytest.approx(0.3, abs=0.01)
+    assert joints_of(urdf)["drawer_1_joint"][1] == pytest.approx(0.3, abs=0.01)
 
 
 @pytest.mark.browser
@@ -301,13 +301,13 @@ def test_the_program_from_a_picture_to_a_simulator(tmp_path):
             upload(page, OVEN)
             patient(page, "document.querySelectorAll('#seen img').length === 2", 600)
             make(page, 1200)
-            assert "hinge" in text(page, "#objects")
-            opening = move_slider(page, "hinge_1")
+            assert "door" in text(page, "#objects")
+            opening = move_slider(page, "door_1")
             assert opening > 1
             out = download(page, tmp_path / "taken")
             check_requests(page, address)
         ranges = joints_of(out / "oven" / "object.urdf")
-        assert ranges["hinge_1_joint"][1] == pytest.approx(opening, abs=1e-3)
+        assert ranges["door_1_joint"][1] == pytest.approx(opening, abs=1e-3)
         assert list(files.glob("uniart-app-*"))
         process.send_signal(signal.SIGTERM)
         out, err = process.communicate(timeout=PATIENCE)

@@ -25,7 +25,7 @@ class AssetOptions:
           (merged); boxes alone; a hull a part; coacd's pieces (pip install 'uniart_jax[coacd]').
         collision_budget: Convex collision shapes of the whole object at most; 16 a part.
         friction: Dry friction: a factor for all joints (.5), or JOINT=VALUE for each that is meant
-          (hinge_1_joint=2), N m or N.
+          (door_1_joint=2), N m or N.
         damping: Damping: a factor for all joints, or JOINT=VALUE for each that is meant, N m s /
           rad or N s / m.
         origin: Where 0 lies: on the floor below the middle of the object at rest, or in its middle.
