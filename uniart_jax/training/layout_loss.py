@@ -1,5 +1,5 @@
 """Losses of the layout network: predicted parts are matched to true ones, then each pays for its
-own (DETR, Carion 2020).
+own (``training.set_loss``; DETR, Carion 2020).
 
     cost[q, k] = sum over layers of  5 L1(corners) - p + Huber(code, .05)
     loss       = 2 mean over layers (5 L1(corners) + 5 Huber(code) + BCE(exists) + .3 L1(colour))
@@ -21,10 +21,10 @@ import jax.numpy as jnp
 from uniart_jax.config import Config
 from uniart_jax.models.network import Network
 from uniart_jax.training.leg_loss import leg_losses
-from uniart_jax.training.losses import binary_cross_entropy, joint_code_loss, to_corners
-from uniart_jax.training.matching import match
+from uniart_jax.training.losses import joint_code_loss, to_corners
 from uniart_jax.training.panel_loss import board_losses, panel_losses
 from uniart_jax.training.revolution_loss import revolution_losses
+from uniart_jax.training.set_loss import match_rows
 from uniart_jax.voxels.typed_batches import LayoutBatch, has_parts_alone
 
 BOX, CODE, COLOR, PARENT, CAMERA = 5.0, 5.0, 0.3, 0.3, 2.0
@@ -51,28 +51,20 @@ def layout_losses(out: dict[str, Any], batch: LayoutBatch) -> dict[str, jax.Arra
     "parent", "camera", and "loss"; where the network finds legs, panels, boards or revolutions,
     ``leg_losses``, ``panel_losses``, ``board_losses`` and ``revolution_losses`` too."""
     corners, codes, counts = to_corners(batch.boxes), batch.codes, batch.part_counts
-    items, known = corners.shape[:2]
-    valid = (jnp.arange(known) < counts[:, None]).astype(jnp.float32)
-    weights = valid / jnp.maximum(counts, 1)[:, None] / items
-    query = match(match_cost(out["parts"], corners, codes), counts)
-    chosen = jax.nn.one_hot(query, out["parents"].shape[1]) * valid[..., None]  # [B, K, Q]
-    present = chosen.sum(1)
-    take = lambda rows: jnp.einsum("bkq,bq...->bk...", chosen, rows)  # noqa: E731
+    matched = match_rows(match_cost(out["parts"], corners, codes), counts)
+    take, mean = matched.take, matched.mean
     terms = {name: jnp.zeros(()) for name in ("box", "code", "exists", "color")}
     for part in out["parts"]:
-        error = jnp.abs(take(part["corners"]) - corners).mean(-1)
-        terms["box"] += (error * weights).sum()
-        wrong = joint_code_loss(take(part["codes"]), codes, HUBER)
-        terms["code"] += (wrong * weights).sum()
-        terms["exists"] += binary_cross_entropy(part["exists"], present).mean()
-        paint = jnp.abs(take(part["colors"]) - batch.colors).mean(-1)
-        terms["color"] += (paint * weights).sum()
+        terms["box"] += mean(jnp.abs(take(part["corners"]) - corners).mean(-1))
+        terms["code"] += mean(joint_code_loss(take(part["codes"]), codes, HUBER))
+        terms["exists"] += matched.existence(part["exists"])
+        terms["color"] += mean(jnp.abs(take(part["colors"]) - batch.colors).mean(-1))
     terms = {name: value / len(out["parts"]) for name, value in terms.items()}
-    pointer = jnp.where(present[:, None] > 0, out["parents"], NOBODY)  # [B, child, parent]
+    pointer = jnp.where(matched.present[:, None] > 0, out["parents"], NOBODY)  # [B, child, parent]
     scores = jax.nn.log_softmax(take(pointer), -1)
-    parent_query = jnp.take_along_axis(query, batch.parents, 1)
+    parent_query = jnp.take_along_axis(matched.query, batch.parents, 1)
     picked = jnp.take_along_axis(scores, parent_query[..., None], 2)[..., 0]
-    terms["parent"] = -(picked * weights).sum()
+    terms["parent"] = -mean(picked)
     terms["camera"] = jnp.abs(out["camera"] - batch.camera).mean()
     layers = BOX * terms["box"] + CODE * terms["code"] + terms["exists"] + COLOR * terms["color"]
     loss = LAYERS * layers + PARENT * terms["parent"] + CAMERA * terms["camera"]
@@ -83,11 +75,11 @@ def layout_losses(out: dict[str, Any], batch: LayoutBatch) -> dict[str, jax.Arra
         terms |= panel_losses(out["panels"], batch)
         loss = loss + terms["panels"]
     if "boards" in out:
-        terms |= board_losses(out["boards"], batch, query)
+        terms |= board_losses(out["boards"], batch, matched.query)
         loss = loss + terms["boards"]
     if "revolutions" in out:
         own = {name: take(values) for name, values in out["revolutions"].items()}
-        terms |= revolution_losses(own, batch, weights)
+        terms |= revolution_losses(own, batch, matched.weights)
         loss = loss + terms["revolutions"]
     return terms | {"loss": loss}
 
