@@ -8,11 +8,13 @@ own (``training.set_loss``; DETR, Carion 2020).
 of ``training.leg_loss``, ``training.panel_loss`` and ``training.revolution_loss``.
 
 One matching serves all layers. Part terms are means per object, then over objects; codes are
-compared modulo both gauges.
+compared modulo both gauges. All these weights are constants here and in the heads' modules; those
+of the VAEs' and the flows' losses are options (``config.LossConfig``).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import jax
@@ -24,13 +26,24 @@ from uniart_jax.training.leg_loss import leg_losses
 from uniart_jax.training.losses import joint_code_loss, to_corners
 from uniart_jax.training.panel_loss import board_losses, panel_losses
 from uniart_jax.training.revolution_loss import revolution_losses
-from uniart_jax.training.set_loss import match_rows
+from uniart_jax.training.set_loss import Matching, match_rows
 from uniart_jax.voxels.typed_batches import LayoutBatch, has_parts_alone
 
 BOX, CODE, COLOR, PARENT, CAMERA = 5.0, 5.0, 0.3, 0.3, 2.0
 LAYERS = 2.0
 HUBER = 0.05
 NOBODY = -1e4  # logit of a query that no part is matched to
+
+# what each head beside the parts pays, of its output, the batch and the parts' matching: terms, of
+# which the one of the head's name is all of its loss
+HEAD_LOSSES: dict[str, Callable[[Any, LayoutBatch, Matching], dict[str, jax.Array]]] = {
+    "legs": lambda out, batch, parts: leg_losses(out, batch),
+    "panels": lambda out, batch, parts: panel_losses(out, batch),
+    "boards": lambda out, batch, parts: board_losses(out, batch, parts.query),
+    "revolutions": lambda out, batch, parts: revolution_losses(
+        jax.tree.map(parts.take, out), batch, parts.weights
+    ),
+}
 
 
 def match_cost(
@@ -48,8 +61,8 @@ def match_cost(
 
 def layout_losses(out: dict[str, Any], batch: LayoutBatch) -> dict[str, jax.Array]:
     """The loss's terms of a prediction: "box", "code", "exists", "color" (means over layers),
-    "parent", "camera", and "loss"; where the network finds legs, panels, boards or revolutions,
-    ``leg_losses``, ``panel_losses``, ``board_losses`` and ``revolution_losses`` too."""
+    "parent", "camera", and "loss"; of the heads of ``HEAD_LOSSES`` that the network has, theirs
+    too."""
     corners, codes, counts = to_corners(batch.boxes), batch.codes, batch.part_counts
     matched = match_rows(match_cost(out["parts"], corners, codes), counts)
     take, mean = matched.take, matched.mean
@@ -68,19 +81,10 @@ def layout_losses(out: dict[str, Any], batch: LayoutBatch) -> dict[str, jax.Arra
     terms["camera"] = jnp.abs(out["camera"] - batch.camera).mean()
     layers = BOX * terms["box"] + CODE * terms["code"] + terms["exists"] + COLOR * terms["color"]
     loss = LAYERS * layers + PARENT * terms["parent"] + CAMERA * terms["camera"]
-    if "legs" in out:
-        terms |= leg_losses(out["legs"], batch)
-        loss = loss + terms["legs"]
-    if "panels" in out:
-        terms |= panel_losses(out["panels"], batch)
-        loss = loss + terms["panels"]
-    if "boards" in out:
-        terms |= board_losses(out["boards"], batch, matched.query)
-        loss = loss + terms["boards"]
-    if "revolutions" in out:
-        own = {name: take(values) for name, values in out["revolutions"].items()}
-        terms |= revolution_losses(own, batch, matched.weights)
-        loss = loss + terms["revolutions"]
+    for name, head_losses in HEAD_LOSSES.items():
+        if name in out:
+            terms |= head_losses(out[name], batch, matched)
+            loss = loss + terms[name]
     return terms | {"loss": loss}
 
 
