@@ -120,14 +120,7 @@ class Pipeline(Networks):
         layout: Layout | bool = True,
         background: Background = "auto",
         progress: Callable[[str], None] = lambda step: None,
-        steps: int | None = None,
-        guidance: float | None = None,
-        guidance_interval: tuple[float, float] | None = None,
-        rescale_t: float | None = None,
-        solver: Literal["euler", "heun"] | None = None,
-        adaptive: bool | None = None,
-        tolerance: float | None = None,
-        mirrored: bool | None = None,
+        **options: Unpack[SamplingOptions],
     ) -> ArticulatedObject:
         """The object alone of ``sample``, which see."""
         return self.sample(
@@ -137,14 +130,7 @@ class Pipeline(Networks):
             layout=layout,
             background=background,
             progress=progress,
-            steps=steps,
-            guidance=guidance,
-            guidance_interval=guidance_interval,
-            rescale_t=rescale_t,
-            solver=solver,
-            adaptive=adaptive,
-            tolerance=tolerance,
-            mirrored=mirrored,
+            **options,
         ).obj
 
     def sample(
