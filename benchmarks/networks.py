@@ -18,10 +18,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from uniart_jax.config import NETWORKS, ModelConfig, load_config
-from uniart_jax.models.image_encoder import TYPICAL, pixel_width
+from uniart_jax.models.image_encoder import pixel_width
 from uniart_jax.models.network import build
 from uniart_jax.nn.grids import flow_plan
 from uniart_jax.nn.voxel_plans import voxel_plans
+from uniart_jax.voxels.camera_code import MEAN_CAMERA_CODE
 from uniart_jax.voxels.part_table import PartTable, part_table
 from uniart_jax.voxels.typed_batches import VoxelBatch
 
@@ -92,7 +93,7 @@ def case(name: str, model: ModelConfig, items: int):
     volume = normal(items, *[e.volume_resolution] * 3, e.volume_channels + 3)
     t = jax.random.uniform(key, (items * draws,))
     side = e.image_size // e.stem_stride
-    cameras = jnp.broadcast_to(jnp.asarray(TYPICAL), (items, 1, len(TYPICAL)))
+    cameras = jnp.broadcast_to(jnp.asarray(MEAN_CAMERA_CODE), (items, 1, len(MEAN_CAMERA_CODE)))
     views, layout = (normal(items, 1, side, side, pixel_width(e)), cameras), layouts(model, items)
     if name == "structure_flow":
         s = model.structure_vae

@@ -247,7 +247,7 @@ def test_the_layout_network_is_shown_a_crop_of_its_own_size(pipeline, tmp_path, 
     )
     image = np.full((300, 200, 4), 255, np.uint8)
     image[:20, :, 3] = 0
-    found = mine.find_layout(image)
+    found = mine.layout_or_none(image)
     assert [picture.shape for picture in shown] == [(96, 96, 3)] * 2  # as it is, and mirrored
     assert found.to_json() == mine.layout(image).to_json()
     assert shown[0].shape != mine.prepare(image).shape
@@ -255,7 +255,7 @@ def test_the_layout_network_is_shown_a_crop_of_its_own_size(pipeline, tmp_path, 
 
 def test_a_misspelt_background_is_refused_with_the_choices(pipeline):
     image = np.full((64, 64, 4), 255, np.uint8)
-    for ask in (pipeline, pipeline.sample, pipeline.find_layout, pipeline.cut_out):
+    for ask in (pipeline, pipeline.sample, pipeline.layout_or_none, pipeline.cut_out):
         with pytest.raises(ValueError, match=r"'rembgg' is unknown; choose one of auto, keep, "):
             ask(image, background="rembgg")
 

@@ -121,14 +121,7 @@ class Pipeline(Networks):
         layout: Layout | bool = True,
         background: Background = "auto",
         progress: Callable[[str], None] = lambda step: None,
-        steps: int | None = None,
-        guidance: float | None = None,
-        guidance_interval: tuple[float, float] | None = None,
-        rescale_t: float | None = None,
-        solver: Literal["euler", "heun"] | None = None,
-        adaptive: bool | None = None,
-        tolerance: float | None = None,
-        mirrored: bool | None = None,
+        **options: Unpack[SamplingOptions],
     ) -> ArticulatedObject:
         """The object alone of ``sample``, which see."""
         return self.sample(
@@ -138,14 +131,7 @@ class Pipeline(Networks):
             layout=layout,
             background=background,
             progress=progress,
-            steps=steps,
-            guidance=guidance,
-            guidance_interval=guidance_interval,
-            rescale_t=rescale_t,
-            solver=solver,
-            adaptive=adaptive,
-            tolerance=tolerance,
-            mirrored=mirrored,
+            **options,
         ).obj
 
     def sample(
@@ -209,7 +195,7 @@ class Pipeline(Networks):
         cut = [self.cut_out(view, background) for view in views]
         shown = [picture for picture, _ in cut]
         pixels = np.stack([self._crop(view) for view in shown])
-        found = self._find_layout(shown[0]) if layout is True else layout or None
+        found = self._layout_or_none(shown[0]) if layout is True else layout or None
         conditions = encode_views(self, pixels, found, structure_options, latent_options)
         keys = jax.random.split(jax.random.key(seed))
         progress("structure")
@@ -265,19 +251,19 @@ class Pipeline(Networks):
             raise ValueError(
                 "layout: this checkpoint has no layout network; train one with --stage layout"
             )
-        return self._read_layout(self.cut_out(image)[0], threshold)
+        return self._predict_layout(self.cut_out(image)[0], threshold)
 
-    def find_layout(
+    def layout_or_none(
         self, image: str | Path | np.ndarray, background: Background = "auto"
     ) -> Layout | None:
         """``layout`` of an image; None where the checkpoint has no layout network."""
-        return self._find_layout(self.cut_out(image, background)[0])
+        return self._layout_or_none(self.cut_out(image, background)[0])
 
-    def _find_layout(self, cut_out: np.ndarray) -> Layout | None:
+    def _layout_or_none(self, cut_out: np.ndarray) -> Layout | None:
         there = self.checkpoint is not None and self.checkpoint.has("layout")
-        return self._read_layout(cut_out) if there and self.config.model.layout.queries else None
+        return self._predict_layout(cut_out) if there and self.config.model.layout.queries else None
 
-    def _read_layout(self, cut_out: np.ndarray, threshold: float = THRESHOLD) -> Layout:
+    def _predict_layout(self, cut_out: np.ndarray, threshold: float = THRESHOLD) -> Layout:
         predictor = self._layout_predictor
         picture = crop(cut_out, predictor.image_size, predictor.crop_margin)
         return read_layout(predictor([picture])[0], threshold)

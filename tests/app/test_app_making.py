@@ -46,7 +46,7 @@ def test_what_is_seen_in_a_picture(made):
 
 
 def test_no_parts_are_drawn_where_none_are_read(tmp_path, monkeypatch):
-    monkeypatch.setattr(ToyPipeline, "find_layout", lambda *_: None)
+    monkeypatch.setattr(ToyPipeline, "layout_or_none", lambda *_: None)
     seen = analyze(ToyPipeline(), OVEN, "auto", tmp_path)
     assert seen.layout is None and seen.drawn is None and seen.shown.is_file()
 

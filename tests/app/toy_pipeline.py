@@ -51,7 +51,7 @@ class ToyPipeline:
     def options(self, **changes):
         return self.flow, self.flow
 
-    def find_layout(self, image, background="auto"):
+    def layout_or_none(self, image, background="auto"):
         return toy_layout()
 
     def sample(self, image, *, progress=lambda step: None, **asked) -> Sample:

@@ -15,9 +15,10 @@ from uniart_jax.config import (
     UniArtVAEConfig,
 )
 from uniart_jax.models import network
-from uniart_jax.models.image_encoder import TYPICAL, pixel_width
+from uniart_jax.models.image_encoder import pixel_width
 from uniart_jax.nn.grids import flow_plan
 from uniart_jax.nn.voxel_plans import voxel_plans
+from uniart_jax.voxels.camera_code import MEAN_CAMERA_CODE
 from uniart_jax.voxels.part_table import PartTable
 from uniart_jax.voxels.typed_batches import VoxelBatch
 
@@ -140,7 +141,7 @@ def flow_views(views=2, seed=0):
     """Maps and cameras that flows read (``pixel_channels``) of two items."""
     rng = np.random.default_rng(seed)
     maps = rng.normal(size=(2, views, 8, 8, pixel_width(MODEL.image_encoder)))
-    cameras = np.array(TYPICAL) + rng.normal(0, 0.1, (2, views, 7))
+    cameras = np.array(MEAN_CAMERA_CODE) + rng.normal(0, 0.1, (2, views, 7))
     return put(maps), put(cameras)
 
 

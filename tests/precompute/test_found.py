@@ -63,7 +63,7 @@ class Pipe:
     def prepare(self, image):
         return image
 
-    def find_layout(self, image):
+    def layout_or_none(self, image):
         return image.mean()
 
     def options(self):

@@ -136,7 +136,7 @@ def analyze(pipeline: Pipeline, picture: Path, background: Background, folder: P
     rgba = read_image(picture)
     name = f"image '{picture}'"
     cut, way = cut_out(rgba, background, name, lambda: pipeline.mask_predictor)
-    layout = pipeline.find_layout(cut, "keep")
+    layout = pipeline.layout_or_none(cut, "keep")
     square = crop(cut, SIDE, pipeline.config.model.image_encoder.crop_margin)
     shown, drawn = folder / "cut-out.png", None
     Image.fromarray(square).save(shown)

@@ -25,17 +25,18 @@ class ImageEncoderKind(NamedTuple):
 
     Attributes:
       trained: by a stage of its own; else it is taken as published and frozen.
-      camera: it estimates the picture's camera and gives maps and a volume to read through it.
+      spatial: it gives where things are too: the picture's camera, and maps and a volume to read
+        through it; else tokens alone (``models.network.IMAGE_ENCODERS``).
     """
 
     trained: bool
-    camera: bool
+    spatial: bool
 
 
 # by ``ImageEncoderConfig.architecture``; their networks: ``models.network.IMAGE_ENCODERS``
 IMAGE_ENCODERS = {
-    "volume": ImageEncoderKind(trained=True, camera=True),
-    "dinov2": ImageEncoderKind(trained=False, camera=False),
+    "volume": ImageEncoderKind(trained=True, spatial=True),
+    "dinov2": ImageEncoderKind(trained=False, spatial=False),
 }
 
 

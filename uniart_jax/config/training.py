@@ -44,7 +44,13 @@ class StageConfig:
 
 @dataclasses.dataclass(frozen=True)
 class LossConfig:
-    """Weights and details of the losses (docs/paper.md)."""
+    """Weights and details of the losses (docs/paper.md).
+
+    Weights here are those of the VAEs' and the flows' losses. Those of the layout network are
+    constants of ``training.layout_loss`` and its heads' modules (``leg_loss``, ``panel_loss``,
+    ``revolution_loss``), those of the image encoder and of the mask network constants of
+    ``training.encoder_loss`` and ``training.mask_loss``.
+    """
 
     kl: float = 1e-6
     structure_kl: float = 1e-3

@@ -272,7 +272,7 @@ def predict(
     one, the image as they see it, and its layout."""
     coords = test.grid.coords
     pixels = pipeline.prepare(test.image)
-    layout = pipeline.find_layout(test.image)
+    layout = pipeline.layout_or_none(test.image)
     options = pipeline.options()
     conditions = encode_views(pipeline, pixels[None], layout, *options)
     keys = jax.random.split(jax.random.key(seed))

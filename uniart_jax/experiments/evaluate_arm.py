@@ -238,7 +238,7 @@ def make_object(
     if arm.pipeline_stage == "vae":
         latent = pipeline.encode_voxels(grid, **test.features)
         sees = pipeline.config.model.uniart_vae.layout_channels > 0
-        layout = pipeline.find_layout(test.images[0]) if sees else None
+        layout = pipeline.layout_or_none(test.images[0]) if sees else None
         out = pipeline.decode([grid.coords], [latent], [layout])[0]
         if layout is not None:
             return assemble_layout(out, layout), None
@@ -261,7 +261,7 @@ def encode_test(
     """What the flows see of an object's images, and the layout of the first, which flows that see
     layouts are given."""
     pixels = np.stack([pipeline.prepare(image) for image in test.images])
-    layout = pipeline.find_layout(test.images[0])
+    layout = pipeline.layout_or_none(test.images[0])
     return encode_views(pipeline, pixels, layout, *options), layout
 
 

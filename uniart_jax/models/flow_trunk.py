@@ -129,8 +129,9 @@ class FlowTrunk(nnx.Module):
 
 
 def check_camera(config: ModelConfig, option: str) -> None:
-    """ValueError if the image encoder estimates no camera, which a flow's ``option`` needs."""
-    if not config.image_encoder.kind.camera:
+    """ValueError if the image encoder is not ``spatial`` (``config.ImageEncoderKind``): it gives no
+    camera and maps, which a flow's ``option`` needs."""
+    if not config.image_encoder.kind.spatial:
         raise ValueError(f"{option} needs an image encoder that estimates the camera; set it to 0")
 
 

@@ -1,5 +1,5 @@
-"""Nano image encoder: a small convolutional network, image tokens from it, and a volume aligned
-with the object's grid.
+"""The default image encoder (``architecture`` 'volume'): a small convolutional network, image
+tokens from it, and a volume aligned with the object's grid.
 
     image -> residual convolutions -> coarse map -> tokens (a few transformer blocks), for
     cross-attention
@@ -31,37 +31,14 @@ from uniart_jax.nn.blocks import CrossBlock, LayerNorm, TransformerBlock, layer_
 from uniart_jax.nn.embeddings import grid_coords, plane_embedding, position_embedding
 from uniart_jax.nn.lifting import project, sample_map
 from uniart_jax.nn.precision import compute_dtype
+from uniart_jax.nn.stem import StemStage
+from uniart_jax.voxels.camera_code import CAMERA_CODE_SIZE, MEAN_CAMERA_CODE
 from uniart_jax.voxels.joint_code import CODE_CHANNELS
 
-CAMERA_CODE = (
-    7  # sine and cosine of the azimuth, elevation, focal, perspective, x, y (voxels.camera_code)
-)
-# about the mean over ``visual.render.sample_camera``
-TYPICAL = (0.0, 0.87, 0.4, 1.6, 0.33, 0.0, 0.0)
 _HEAD_WIDTH = 64
 _SKETCH_CHANNELS = 64
 _BLACK = -1 + 1 / 255  # of ``ImageEncoder.pixels``: half a step of 8 bits
 _PLACE_CHANNELS = 7  # x, y, depth and the phases of x and y within a map cell
-
-
-class StemStage(nnx.Module):
-    """Makes the picture ``stride`` times smaller: a strided convolution that overlaps, then a
-    residual pair."""
-
-    def __init__(self, inputs: int, outputs: int, stride: int, rngs: nnx.Rngs, dtype):
-        options: dict[str, Any] = {"dtype": dtype, "rngs": rngs}
-        kernel, pad = (2 * stride, stride // 2) if stride > 2 else (3, 1)
-        around = ((pad, pad), (pad, pad))
-        self.down = nnx.Conv(
-            inputs, outputs, (kernel, kernel), strides=stride, padding=around, **options
-        )
-        self.conv1 = nnx.Conv(outputs, outputs, (3, 3), padding=1, **options)
-        self.conv2 = nnx.Conv(outputs, outputs, (3, 3), padding=1, **options)
-
-    def __call__(self, x: jax.Array) -> jax.Array:
-        """[B, H, W, C] -> [B, H / stride, W / stride, C']."""
-        x = jax.nn.gelu(self.down(x))
-        return x + self.conv2(jax.nn.gelu(self.conv1(x)))
 
 
 class ImageEncoder(nnx.Module):
@@ -101,14 +78,14 @@ class ImageEncoder(nnx.Module):
         widths = (side**2 * channels[-1], wide, wide, c.volume_tokens**3 * _SKETCH_CHANNELS)
         pairs = [*itertools.pairwise(widths), (_SKETCH_CHANNELS, c.width)]
         self.sketch = nnx.List([linear(a, b, rngs, dtype=dtype) for a, b in pairs])
-        self.to_camera = linear(wide, CAMERA_CODE, rngs, init=zeros)
+        self.to_camera = linear(wide, CAMERA_CODE_SIZE, rngs, init=zeros)
         lifted, cells = c.volume_channels, c.volume_resolution**3
         self.lift_fine = linear(channels[-2], lifted, rngs, dtype=dtype)
         self.lift_coarse = linear(channels[-1], lifted, rngs, dtype=dtype)
         self.lift_cell = nnx.Param(
             position_embedding(grid_coords(c.volume_resolution), lifted).reshape(cells, lifted)
         )
-        self.lift_place = linear(_PLACE_CHANNELS + CAMERA_CODE, lifted, rngs, dtype=dtype)
+        self.lift_place = linear(_PLACE_CHANNELS + CAMERA_CODE_SIZE, lifted, rngs, dtype=dtype)
         self.lift_mix = linear(lifted, lifted, rngs, dtype=dtype)
         self.cells = c.volume_resolution // c.volume_tokens
         self.fold = linear(self.cells**3 * lifted, c.width, rngs, dtype=dtype)
@@ -233,7 +210,7 @@ class ImageEncoder(nnx.Module):
         index = (places + 1) * (fine.shape[1] / 2) - 0.5
         phase = 2 * jnp.pi * index  # where between the map's cells
         place = [places, depth[..., None], jnp.sin(phase), jnp.cos(phase)]
-        view = jnp.broadcast_to(camera[:, None], (*depth.shape, CAMERA_CODE))
+        view = jnp.broadcast_to(camera[:, None], (*depth.shape, CAMERA_CODE_SIZE))
         h = read + self.lift_place(jnp.concatenate([*place, view], -1)) + self.lift_cell[...]
         return self.lift_mix(jax.nn.gelu(h))
 
@@ -243,7 +220,7 @@ class ImageEncoder(nnx.Module):
         first, second, out, lift = self.sketch
         h = jax.nn.gelu(first(features.reshape(features.shape[0], -1)))
         h = h + jax.nn.gelu(second(h))
-        camera = self.to_camera(h).astype(jnp.float32) + jnp.asarray(TYPICAL)
+        camera = self.to_camera(h).astype(jnp.float32) + jnp.asarray(MEAN_CAMERA_CODE)
         return lift(out(h).reshape(h.shape[0], -1, _SKETCH_CHANNELS)), camera
 
     def tokens(self, features: jax.Array) -> jax.Array:

@@ -26,10 +26,11 @@ from flax import nnx
 
 from uniart_jax.config import LayoutConfig, ModelConfig
 from uniart_jax.models.box_sets import BoardDecoder, LegDecoder, PanelDecoder, Seen
-from uniart_jax.models.image_encoder import CAMERA_CODE, TYPICAL, StemStage
 from uniart_jax.models.layout_layers import BANDS, DecoderLayer, read_boxes, sine_embedding
 from uniart_jax.nn.blocks import GroupNorm, LayerNorm, linear, zeros
 from uniart_jax.nn.precision import compute_dtype
+from uniart_jax.nn.stem import StemStage
+from uniart_jax.voxels.camera_code import CAMERA_CODE_SIZE, MEAN_CAMERA_CODE
 from uniart_jax.voxels.joint_code import BOX_SIZE, CODE_SIZE
 from uniart_jax.voxels.part_table import MOST_BOARDS, MOST_LEGS, MOST_PANELS
 from uniart_jax.voxels.revolution_table import RADII
@@ -181,7 +182,7 @@ class LayoutNetwork(nnx.Module):
         self.squeeze = linear(channels[-1], GUESS, rngs, dtype=dtype)
         self.sketch1 = CellLinear(SKETCH_SIDE**2, GUESS, c.sketch_width, rngs)
         self.sketch2 = linear(c.sketch_width, c.sketch_width, rngs, dtype=dtype)
-        self.to_camera = linear(c.sketch_width, CAMERA_CODE, rngs, init=zeros)
+        self.to_camera = linear(c.sketch_width, CAMERA_CODE_SIZE, rngs, init=zeros)
         self.map_sketch = linear(c.sketch_width, c.map_channels, rngs, dtype=dtype)
         self.to_tokens = linear(c.map_channels, width, rngs, dtype=dtype)
         self.tokens_norm = LayerNorm(width)
@@ -238,7 +239,7 @@ class LayoutNetwork(nnx.Module):
           ``RevolutionHead`` too.
         """
         features, sketch = self.read_image(image)
-        estimate = self.to_camera(sketch).astype(jnp.float32) + jnp.asarray(TYPICAL)
+        estimate = self.to_camera(sketch).astype(jnp.float32) + jnp.asarray(MEAN_CAMERA_CODE)
         used = jax.lax.stop_gradient(estimate)
         if camera is not None and use_true_camera is not None:
             used = jnp.where(use_true_camera[:, None], camera, used)

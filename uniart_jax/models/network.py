@@ -30,7 +30,22 @@ MODULES = {
     "latent_flow": "flow_transformer:LatentFlow",
     "gaussian_decoder": "gaussian_decoder:GaussianDecoder",
 }
-IMAGE_ENCODERS = {  # by ``ImageEncoderConfig.architecture``
+# By ``ImageEncoderConfig.architecture``. An image encoder maps images [B, H, W, 3], sRGB in [0, 1]
+# on black, to a dict. ``inference.samplers.make_conditioner`` takes of it
+#   tokens [B, L, D]              always: any number of them, D = cond_channels of the flows
+#   volume [B, Rv, Rv, Rv, C]     where a flow has volume_channels, of which it reads the first:
+#                                 features in the object's grid, Rv = volume_resolution
+#   pixels [B, S, S, pixel_width] where a flow has pixel_channels or refine_channels: maps of S =
+#                                 image_size / stem_stride a side, of which the first
+#                                 3 stem_stride^2 channels are the picture
+#                                 (``image_encoder.pixel_width``, ``image_encoder.silhouette``)
+#   camera [B, 7]                 with these: the camera code that they are read through
+#                                 (``voxels.camera_code``)
+# A kind that is ``spatial`` (``config.IMAGE_ENCODERS``) gives all four, another the tokens alone.
+# One that is ``trained`` is also called with true cameras (image, camera, use_true_camera), and
+# gives occupancy [B, R, R, R] logits and codes [B, Rt, Rt, Rt, 21] to ``training.encoder_loss``.
+# Further keys are its own affair. The layout network has a backbone of its own.
+IMAGE_ENCODERS = {
     "volume": "image_encoder:ImageEncoder",
     "dinov2": "dinov2:DINOv2",
 }

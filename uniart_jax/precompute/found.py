@@ -92,7 +92,7 @@ def found_record(record: Record, view: int, pipeline: Pipeline) -> Record:
     image = record.images[view]
     pixels = pipeline.prepare(image)
     options = pipeline.options()
-    conditions = encode_views(pipeline, pixels[None], pipeline.find_layout(image), *options)
+    conditions = encode_views(pipeline, pixels[None], pipeline.layout_or_none(image), *options)
     coords, _ = find_voxels(pipeline, conditions, jax.random.key(0), options[0])
     made = on_voxels(record, coords) if len(coords) else record
     return dataclasses.replace(

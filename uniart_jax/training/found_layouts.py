@@ -36,7 +36,7 @@ def choose(chosen: jax.Array, one: PartTable, other: PartTable) -> PartTable:
 
 def matching_rows(found: PartTable, boxes: jax.Array, part_counts: jax.Array) -> jax.Array:
     """[B, K] the row of a found layout that each true part is, -1 where none is: one to one by
-    their corners (``layout_loss.match``), at most ``SAME_PART`` apart.
+    their corners (``matching.match``), at most ``SAME_PART`` apart.
 
     Args:
       boxes: [B, K, 6] of the true parts. part_counts: [B].

@@ -1,5 +1,5 @@
 """Losses of the layout network: predicted parts are matched to true ones, then each pays for its
-own (DETR, Carion 2020).
+own (``training.set_loss``; DETR, Carion 2020).
 
     cost[q, k] = sum over layers of  5 L1(corners) - p + Huber(code, .05)
     loss       = 2 mean over layers (5 L1(corners) + 5 Huber(code) + BCE(exists) + .3 L1(colour))
@@ -8,11 +8,13 @@ own (DETR, Carion 2020).
 of ``training.leg_loss``, ``training.panel_loss`` and ``training.revolution_loss``.
 
 One matching serves all layers. Part terms are means per object, then over objects; codes are
-compared modulo both gauges.
+compared modulo both gauges. All these weights are constants here and in the heads' modules; those
+of the VAEs' and the flows' losses are options (``config.LossConfig``).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import jax
@@ -21,10 +23,10 @@ import jax.numpy as jnp
 from uniart_jax.config import Config
 from uniart_jax.models.network import Network
 from uniart_jax.training.leg_loss import leg_losses
-from uniart_jax.training.losses import binary_cross_entropy, joint_code_loss
-from uniart_jax.training.matching import match
+from uniart_jax.training.losses import joint_code_loss
 from uniart_jax.training.panel_loss import board_losses, panel_losses
 from uniart_jax.training.revolution_loss import revolution_losses
+from uniart_jax.training.set_loss import Matching, match_rows
 from uniart_jax.voxels.joint_code import box_corners
 from uniart_jax.voxels.typed_batches import LayoutBatch, has_parts_alone
 
@@ -32,6 +34,17 @@ BOX, CODE, COLOR, PARENT, CAMERA = 5.0, 5.0, 0.3, 0.3, 2.0
 LAYERS = 2.0
 HUBER = 0.05
 NOBODY = -1e4  # logit of a query that no part is matched to
+
+# what each head beside the parts pays, of its output, the batch and the parts' matching: terms, of
+# which the one of the head's name is all of its loss
+HEAD_LOSSES: dict[str, Callable[[Any, LayoutBatch, Matching], dict[str, jax.Array]]] = {
+    "legs": lambda out, batch, parts: leg_losses(out, batch),
+    "panels": lambda out, batch, parts: panel_losses(out, batch),
+    "boards": lambda out, batch, parts: board_losses(out, batch, parts.query),
+    "revolutions": lambda out, batch, parts: revolution_losses(
+        jax.tree.map(parts.take, out), batch, parts.weights
+    ),
+}
 
 
 def match_cost(
@@ -49,47 +62,30 @@ def match_cost(
 
 def layout_losses(out: dict[str, Any], batch: LayoutBatch) -> dict[str, jax.Array]:
     """The loss's terms of a prediction: "box", "code", "exists", "color" (means over layers),
-    "parent", "camera", and "loss"; where the network finds legs, panels, boards or revolutions,
-    ``leg_losses``, ``panel_losses``, ``board_losses`` and ``revolution_losses`` too."""
+    "parent", "camera", and "loss"; of the heads of ``HEAD_LOSSES`` that the network has, theirs
+    too."""
     corners, codes, counts = box_corners(batch.boxes, jnp), batch.codes, batch.part_counts
-    items, known = corners.shape[:2]
-    valid = (jnp.arange(known) < counts[:, None]).astype(jnp.float32)
-    weights = valid / jnp.maximum(counts, 1)[:, None] / items
-    query = match(match_cost(out["parts"], corners, codes), counts)
-    chosen = jax.nn.one_hot(query, out["parents"].shape[1]) * valid[..., None]  # [B, K, Q]
-    present = chosen.sum(1)
-    take = lambda rows: jnp.einsum("bkq,bq...->bk...", chosen, rows)  # noqa: E731
+    matched = match_rows(match_cost(out["parts"], corners, codes), counts)
+    take, mean = matched.take, matched.mean
     terms = {name: jnp.zeros(()) for name in ("box", "code", "exists", "color")}
     for part in out["parts"]:
-        error = jnp.abs(take(part["corners"]) - corners).mean(-1)
-        terms["box"] += (error * weights).sum()
-        wrong = joint_code_loss(take(part["codes"]), codes, HUBER)
-        terms["code"] += (wrong * weights).sum()
-        terms["exists"] += binary_cross_entropy(part["exists"], present).mean()
-        paint = jnp.abs(take(part["colors"]) - batch.colors).mean(-1)
-        terms["color"] += (paint * weights).sum()
+        terms["box"] += mean(jnp.abs(take(part["corners"]) - corners).mean(-1))
+        terms["code"] += mean(joint_code_loss(take(part["codes"]), codes, HUBER))
+        terms["exists"] += matched.existence(part["exists"])
+        terms["color"] += mean(jnp.abs(take(part["colors"]) - batch.colors).mean(-1))
     terms = {name: value / len(out["parts"]) for name, value in terms.items()}
-    pointer = jnp.where(present[:, None] > 0, out["parents"], NOBODY)  # [B, child, parent]
+    pointer = jnp.where(matched.present[:, None] > 0, out["parents"], NOBODY)  # [B, child, parent]
     scores = jax.nn.log_softmax(take(pointer), -1)
-    parent_query = jnp.take_along_axis(query, batch.parents, 1)
+    parent_query = jnp.take_along_axis(matched.query, batch.parents, 1)
     picked = jnp.take_along_axis(scores, parent_query[..., None], 2)[..., 0]
-    terms["parent"] = -(picked * weights).sum()
+    terms["parent"] = -mean(picked)
     terms["camera"] = jnp.abs(out["camera"] - batch.camera).mean()
     layers = BOX * terms["box"] + CODE * terms["code"] + terms["exists"] + COLOR * terms["color"]
     loss = LAYERS * layers + PARENT * terms["parent"] + CAMERA * terms["camera"]
-    if "legs" in out:
-        terms |= leg_losses(out["legs"], batch)
-        loss = loss + terms["legs"]
-    if "panels" in out:
-        terms |= panel_losses(out["panels"], batch)
-        loss = loss + terms["panels"]
-    if "boards" in out:
-        terms |= board_losses(out["boards"], batch, query)
-        loss = loss + terms["boards"]
-    if "revolutions" in out:
-        own = {name: take(values) for name, values in out["revolutions"].items()}
-        terms |= revolution_losses(own, batch, weights)
-        loss = loss + terms["revolutions"]
+    for name, head_losses in HEAD_LOSSES.items():
+        if name in out:
+            terms |= head_losses(out[name], batch, matched)
+            loss = loss + terms[name]
     return terms | {"loss": loss}
 
 

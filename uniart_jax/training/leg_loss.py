@@ -1,5 +1,5 @@
-"""Loss of the layout network's legs: predicted ones are matched to true ones, as parts are
-(``training.layout_loss``).
+"""Loss of the layout network's legs: predicted ones are matched to true ones
+(``training.set_loss``).
 
     cost[q, k] = sum over runs of  5 L1(row) - p / 2
     loss       = mean over runs (10 L1(row) + BCE(exists) + .3 BCE(plinth) + .3 L1(fill))
@@ -17,11 +17,11 @@ import jax.numpy as jnp
 
 from uniart_jax.models.box_sets import LEG_ROW
 from uniart_jax.training.losses import binary_cross_entropy
-from uniart_jax.training.matching import match
+from uniart_jax.training.set_loss import SetWeights, set_loss
 from uniart_jax.voxels.typed_batches import LayoutBatch
 
-COST, SURE = 5.0, 0.5
-PLACE, TOLD = 10.0, 0.3
+WEIGHTS = SetWeights(match=5.0, sure=0.5, row=10.0, exists=1.0)
+TOLD = 0.3
 
 
 def leg_losses(out: dict[str, Any], batch: LayoutBatch) -> dict[str, jax.Array]:
@@ -33,28 +33,14 @@ def leg_losses(out: dict[str, Any], batch: LayoutBatch) -> dict[str, jax.Array]:
     """
     if batch.legs is None:
         raise ValueError("layout: layout.legs is above 0, but the batch has no legs")
-    rows = batch.legs[..., :LEG_ROW]
-    fill, plinth = batch.legs[..., LEG_ROW], batch.legs[..., LEG_ROW + 1]
-    items, most = rows.shape[:2]
-    known = (batch.leg_counts >= 0).astype(jnp.float32)
-    counts = jnp.maximum(batch.leg_counts, 0)
-    valid = (jnp.arange(most) < counts[:, None]).astype(jnp.float32)
-    weights = valid / jnp.maximum(counts, 1)[:, None] / items
-    runs = list(zip(*(out[name] for name in ("rows", "exists", "plinth", "fill")), strict=True))
-    cost = jnp.zeros(())
-    for row, exists, _, _ in runs:
-        far = jnp.abs(row[:, :, None] - rows[:, None]).mean(-1)
-        cost = cost + COST * far - SURE * jax.nn.sigmoid(exists)[..., None]
-    query = match(cost, counts)
-    chosen = jax.nn.one_hot(query, runs[0][1].shape[1]) * valid[..., None]  # [B, N, Q]
-    present = chosen.sum(1)
-    take = lambda values: jnp.einsum("bnq,bq...->bn...", chosen, values)  # noqa: E731
-    total = last = jnp.zeros(())
-    for row, exists, is_plinth, filled in runs:
-        last = (jnp.abs(take(row) - rows).mean(-1) * weights).sum()
-        told = binary_cross_entropy(take(is_plinth), plinth) + jnp.abs(take(filled) - fill)
-        there = (binary_cross_entropy(exists, present).mean(-1) * known).mean()
-        total = total + PLACE * last + there + TOLD * (told * weights).sum()
+    rows, fill, plinth = jnp.split(batch.legs, [LEG_ROW, LEG_ROW + 1], axis=-1)
+    fill, plinth = fill[..., 0], plinth[..., 0]
+    loss, last, matched = set_loss(out["rows"], out["exists"], rows, batch.leg_counts, WEIGHTS)
+    told = jnp.zeros(())
+    for is_plinth, filled in zip(out["plinth"], out["fill"], strict=True):
+        wrong = binary_cross_entropy(matched.take(is_plinth), plinth)
+        told = told + matched.mean(wrong + jnp.abs(matched.take(filled) - fill))
     alone = binary_cross_entropy(out["alone"], batch.legs_alone.astype(jnp.float32))
-    loss = total / len(runs) + TOLD * (alone * (counts > 0)).mean()
+    alone = (alone * (batch.leg_counts > 0)).mean()
+    loss = loss + TOLD * told / len(out["plinth"]) + TOLD * alone
     return {"legs": loss, "legs_row": last}

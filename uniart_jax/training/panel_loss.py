@@ -1,5 +1,5 @@
 """Loss of the layout network's panels and boards: predicted boxes of a set are matched to true
-ones, as parts are (``training.layout_loss``).
+ones (``training.set_loss``).
 
     far(a, b)  = mean over corners' coordinates of  |a - b| w,   w = f / (size of b + r) + e
     cost[q, k] = sum over runs of  2 far - p / 2
@@ -18,13 +18,12 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from uniart_jax.training.losses import binary_cross_entropy
-from uniart_jax.training.matching import match
+from uniart_jax.training.set_loss import SetWeights, set_loss
 from uniart_jax.voxels.panel_table import TRUSTED
 from uniart_jax.voxels.typed_batches import LayoutBatch
 
-COST, SURE = 2.0, 0.5
-PLACE, THERE, SHARE = 5.0, 2.0, 0.3
+WEIGHTS = SetWeights(match=2.0, sure=0.5, row=5.0, exists=2.0)
+SHARE = 0.3
 PANELS, BOARDS = (0.3, 0.1, 0.0), (0.15, 0.05, 0.5)  # f, r and e of w
 
 
@@ -83,27 +82,10 @@ def _box_set_loss(
     corners. counts: [S] of them, -1 where they are not known. share_known, share: [S]. weight: f, r
     and e of w. sets: that means of rows are over.
     """
-    most, (faces, room, edges) = rows.shape[1], weight
-    known = (counts >= 0).astype(jnp.float32)
-    counts = jnp.maximum(counts, 0)
-    valid = (jnp.arange(most) < counts[:, None]).astype(jnp.float32)
-    weights = valid / jnp.maximum(counts, 1)[:, None] / sets
+    faces, room, edges = weight
     size = rows[..., 3:] - rows[..., :3]
     near = jnp.concatenate([faces / (size + room) + edges] * 2, -1)  # [S, M, 6]
-    runs = list(zip(out["rows"], out["exists"], strict=True))
-    cost = jnp.zeros(())
-    for row, exists in runs:
-        far = (jnp.abs(row[:, :, None] - rows[:, None]) * near[:, None]).mean(-1)
-        cost = cost + COST * far - SURE * jax.nn.sigmoid(exists)[..., None]
-    query = match(cost, counts)
-    chosen = jax.nn.one_hot(query, runs[0][1].shape[1]) * valid[..., None]  # [S, M, N]
-    present = chosen.sum(1)
-    total = last = jnp.zeros(())
-    for row, exists in runs:
-        off = jnp.abs(jnp.einsum("bnq,bqr->bnr", chosen, row) - rows)
-        last = (off.mean(-1) * weights).sum()
-        there = (binary_cross_entropy(exists, present).mean(-1) * known).sum() / sets
-        total = total + PLACE * ((off * near).mean(-1) * weights).sum() + THERE * there
+    loss, off, _ = set_loss(out["rows"], out["exists"], rows, counts, WEIGHTS, near, sets)
     off_share = (jnp.abs(out["share"] - share) * share_known).sum()
     off_share = off_share / jnp.maximum(share_known.sum(), 1)
-    return total / len(runs) + SHARE * off_share, last
+    return loss + SHARE * off_share, off

@@ -16,6 +16,10 @@ from __future__ import annotations
 
 import numpy as np
 
+CAMERA_CODE_SIZE = 7
+# of cropped pictures as ``visual.render.sample_camera`` takes them, about: what networks add their
+# estimate to
+MEAN_CAMERA_CODE = (0.0, 0.87, 0.4, 1.6, 0.33, 0.0, 0.0)
 LEAST_PERSPECTIVE = 1e-3  # less is taken as this, a camera 1,000 units away
 
 
