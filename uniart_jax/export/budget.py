@@ -4,7 +4,8 @@ object keeps within a budget.
 Simulators with thousands of copies pay for every shape. Two shapes of a part are joined to a box or
 a hull; first those whose union changes least, and those last that would stand where another part is
 on any joint's way. So walls of a drawer, which five boxes say, stay walls, and what is cut into
-dozens of wedges becomes as coarse as the budget asks for. Legs and handles stay as they are.
+dozens of wedges becomes as coarse as the budget asks for. Legs and handles stay as
+they are, unless they are in another part's way.
 """
 
 from __future__ import annotations
@@ -57,15 +58,16 @@ def within_budget(
     """
     check_budget(budget)
     size = float(np.ptp(obj.bounds, axis=0).max()) * obj.scale
-    standing = _standing_out(bodies, budget)
-    rest = [tuple(s for s in body.shapes if not s.stands_out) or body.shapes for body in bodies]
-    bodies = [dataclasses.replace(b, shapes=own) for b, own in zip(bodies, rest, strict=True)]
-    budget -= sum(len(own) for own in standing)
     places = [_places(body.shapes, size) for body in bodies]
-    parts = []
+    parts, standing = [], []
     for k, body in enumerate(bodies):
-        barred = _barred(obj, k, places, body.shapes, size) if len(body.shapes) > 1 else _NOWHERE
-        parts.append(Merger(body.shapes, barred, BARRED * size**3, boxes))
+        rest = tuple(s for s in body.shapes if not s.stands_out) or body.shapes
+        own = [s for s in body.shapes if s.stands_out] if rest is not body.shapes else []
+        barred = _barred(obj, k, places, body.shapes, rest, size)
+        parts.append(Merger(rest, barred, BARRED * size**3, boxes))
+        standing.append([s for s in own if not parts[k].inside(as_solid(s))])
+    standing = _largest(standing, budget)
+    budget -= sum(len(own) for own in standing)
     for part, own in zip(parts, standing, strict=True):
         part.coarsen(min(PART_MOST - len(own), budget))
     while sum(part.count for part in parts) > max(budget, len(parts)):
@@ -89,12 +91,13 @@ def within_budget(
     return tuple(out)
 
 
-def _standing_out(bodies: Sequence[Body], budget: int) -> list[tuple[Shape, ...]]:
-    """[K] legs and handles that stay as they are: the largest, half of the budget at most."""
-    found = [(k, s) for k, body in enumerate(bodies) for s in body.shapes if s.stands_out]
+def _largest(standing: Sequence[Sequence[Shape]], budget: int) -> list[tuple[Shape, ...]]:
+    """[K] of the legs and handles of every part those that stay: the largest, half of the budget
+    at most."""
+    found = [(k, shape) for k, own in enumerate(standing) for shape in own]
     found.sort(key=lambda one: -as_solid(one[1]).volume())
     found = found[: budget // 2]
-    own = [[s for j, s in found if j == k][: PART_MOST // 2] for k in range(len(bodies))]
+    own = [[s for j, s in found if j == k][: PART_MOST // 2] for k in range(len(standing))]
     return [tuple(shapes) for shapes in own]
 
 
@@ -138,10 +141,13 @@ def _barred(
     k: int,
     places: Sequence[np.ndarray],
     shapes: Sequence[Shape],
+    own: Sequence[Shape],
     size: float,
 ) -> np.ndarray:
-    """[n, 3] places, in the frame of part k, that other parts hold at rest, as shown or on any
-    joint's way, and its shapes do not."""
+    """[n, 3] places in the box around a part's shapes, in its frame, that other parts hold at rest,
+    as shown or on any joint's way, and those of its shapes that are ``own`` do not."""
+    if len(shapes) < 2:
+        return _NOWHERE
     lo, hi = np.array([corners_of(as_solid(s)) for s in shapes]).transpose(1, 0, 2)
     lo, hi = lo.min(0), hi.max(0)
     found = []
@@ -159,7 +165,7 @@ def _barred(
         np.floor(points / (CELL * size)).astype(np.int64), axis=0, return_index=True
     )
     points = points[np.sort(first)]
-    for shape in shapes:
+    for shape in own:
         normals, offsets = half_spaces(as_solid(shape))
         points = points[~(points @ normals.T <= offsets).all(1)]
     return points

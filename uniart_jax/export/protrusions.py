@@ -27,6 +27,9 @@ MOST = 6  # protrusions of a part, the largest
 BOXES, HELD = 3, 0.9  # of one protrusion at most, where they hold so much of it; else a hull ...
 FULL = 0.5  # ... of which so much is the protrusion's
 OPEN = 0.5  # of its cells that see the outside at least
+FROM_HINGE = (
+    0.3  # of the largest distance from a hinge's axis, nearer than which there is no handle
+)
 
 Place = tuple[np.ndarray, np.ndarray]  # lower and upper corner, cells of a lattice
 
@@ -46,6 +49,15 @@ class Fine:
     inside: np.ndarray
     visible: np.ndarray
     root: bool
+
+    def away_from(self, origin: np.ndarray, axis: np.ndarray) -> Fine:
+        """The same, of which nothing near a hinge is visible. ``origin``, ``axis``: a point of the
+        hinge's axis [3] in cells of the coarse lattice, and its direction [3]."""
+        cells = np.indices(self.inside.shape).reshape(3, -1).T + self.first + 0.5
+        far = np.linalg.norm(np.cross(cells - np.asarray(origin) * FINE, axis), axis=1)
+        far = far.reshape(self.inside.shape)
+        reach = FROM_HINGE * float(far[self.inside].max(initial=0.0))
+        return dataclasses.replace(self, visible=self.visible & (far >= reach))
 
 
 def fine_cells(

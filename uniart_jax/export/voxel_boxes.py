@@ -203,9 +203,19 @@ def as_cells(obj: ArticulatedObject, meshes: Sequence[trimesh.Trimesh]) -> Cells
             root = obj.parts[k].parent < 0
             vertices = (corners[k] - corner) / side
             ways = BODY if root else MOVING
-            fine[k] = fine_cells(vertices, np.asarray(mesh.faces), n, others, ways, root)
+            found = fine_cells(vertices, np.asarray(mesh.faces), n, others, ways, root)
+            if obj.parts[k].joint.rotates:
+                origin, axis = _axis(obj, k, rest)
+                found = found.away_from((origin - corner) / side, axis)
+            fine[k] = found
     ground = float(corners[next(k for k, p in enumerate(obj.parts) if p.parent < 0)][:, 2].min())
     return Cells(corner, side, rest, full, alone, hulls, fine, ground)
+
+
+def _axis(obj: ArticulatedObject, k: int, rest: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A point of part k's joint axis and its direction, at rest."""
+    joint, pose = obj.parts[k].joint, rest[obj.parts[k].parent]
+    return pose[:3, :3] @ joint.origin + pose[:3, 3], pose[:3, :3] @ joint.direction
 
 
 def _touched(
@@ -218,8 +228,7 @@ def _touched(
     n: int,
 ) -> np.ndarray:
     """[n, n, n] bool: cells that a knob with ``vertices`` [m, 3] at rest touches as it turns."""
-    joint, pose = obj.parts[k].joint, rest[obj.parts[k].parent]
-    origin, axis = pose[:3, :3] @ joint.origin + pose[:3, 3], pose[:3, :3] @ joint.direction
+    origin, axis = _axis(obj, k, rest)
     arm = vertices - origin
     radius = float(np.linalg.norm(np.cross(arm, axis), axis=1).max())
     low, high = float((arm @ axis).min()), float((arm @ axis).max())
