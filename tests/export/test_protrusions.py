@@ -86,6 +86,13 @@ def test_an_object_stands_on_all_of_its_legs(made, budget):
     np.testing.assert_allclose(lowest(light[0].shapes), bottom, atol=0.01)
 
 
+@pytest.mark.parametrize("budget", [1, 2, 3, 5])
+def test_small_budgets_are_kept(made, budget):
+    obj, bodies, _ = made
+    light = within_budget(obj, bodies, [p.mesh for p in obj.parts], budget)
+    assert shape_count(light) <= max(budget, len(obj.parts))
+
+
 def test_a_handle_can_be_held(made):
     obj, _, light = made
     points = [np.asarray(as_solid(s).to_mesh().vert_properties)[:, :3] for s in light[1].shapes]

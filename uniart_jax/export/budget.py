@@ -93,10 +93,10 @@ def within_budget(
 
 def _largest(standing: Sequence[Sequence[Shape]], budget: int) -> list[tuple[Shape, ...]]:
     """[K] of the legs and handles of every part those that stay: the largest, half of the budget
-    at most."""
+    at most, and what leaves a shape for each part."""
     found = [(k, shape) for k, own in enumerate(standing) for shape in own]
     found.sort(key=lambda one: -as_solid(one[1]).volume())
-    found = found[: budget // 2]
+    found = found[: max(min(budget // 2, budget - len(standing)), 0)]
     own = [[s for j, s in found if j == k][: PART_MOST // 2] for k in range(len(standing))]
     return [tuple(shapes) for shapes in own]
 
