@@ -6,7 +6,7 @@ lines stay light.
 
 ``configs/*.py`` build a ``Config``; the command line overrides any field by its dotted name.
 Defaults are the paper's sizes, which are TRELLIS's where TRELLIS has the same network
-(docs/architecture.md). All names are imported from here.
+(docs/networks.md). All names are imported from here.
 """
 
 from __future__ import annotations

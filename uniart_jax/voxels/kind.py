@@ -1,6 +1,6 @@
 """What kind of thing a layout is likest to: "an oven-like object", told by its parts alone.
 
-No network sees a category (docs/architecture.md), so this is read off what was found: how many
+No network sees a category (docs/representation.md), so this is read off what was found: how many
 parts turn and slide, where and how large they are, and the object's proportions (``features``).
 ``kinds.json`` weighs them: multinomial logistic regression, fitted to layouts of procedural
 training objects by ``tools/fit_kinds.py``. A kind is named only where it is likely enough; all else
