@@ -38,7 +38,7 @@ from uniart_jax.inference.mirror_average import encode_views, find_grid, find_vo
 from uniart_jax.inference.networks import Networks
 from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.network import build
-from uniart_jax.objects.object import ArticulatedObject
+from uniart_jax.objects.object import ArticulatedObject, bounds_at
 from uniart_jax.voxels.assemble import assemble
 from uniart_jax.voxels.follow import assemble_layout
 from uniart_jax.voxels.joint_code import NETWORK_TOLERANCE
@@ -343,8 +343,9 @@ def load(checkpoint: str | Path = "nano") -> Pipeline:
 def _sized(obj: ArticulatedObject, kind: Kind) -> ArticulatedObject:
     """The object as large as its kind usually is, if it has a name; an image does not tell."""
     scale = typical_scale(obj, kind.family) if kind.named else 1.0
-    longest = float(np.ptp(obj.bounds, axis=0).max()) * scale
+    closed = bounds_at(obj, obj.rest()).reshape(-1, 3)
+    longest = float(np.ptp(closed, axis=0).max()) * scale
     word = kind.family.replace("_", " ")
-    why = f"as a usual {word} is" if kind.named else "an image does not tell"
-    note = f"size: longest side taken as {longest:.2f} m, {why}"
+    why = f"a usual size of a {word}" if kind.named else "an image does not tell"
+    note = f"size: longest side, closed, taken as {longest:.2f} m, {why}"
     return dataclasses.replace(obj, scale=scale, provenance=(*obj.provenance, note))

@@ -52,7 +52,7 @@ def kind(mesh: trimesh.Trimesh, joint: Joint) -> str:
 def test_rules():
     plate = box([-0.33, -0.4, -0.5], [-0.3, 0.4, 0.4])
     upright, down = (
-        Joint([-0.3, 0.4, 0], [0, 0, 1], (0, 1.5)),
+        Joint([-0.3, 0.4, 0], [0, 0, 1], (-1.5, 0)),
         Joint([-0.3, 0, -0.5], [0, 1, 0], (-1.5, 0)),
     )
     assert kind(plate, upright) == kind(plate, down) == "door"
@@ -79,7 +79,7 @@ def test_a_rack_is_behind_a_door_and_a_handle_before_one():
         "b",
         box([-0.33, -0.4, -0.5], [-0.3, 0.4, 0.4]),
         0,
-        Joint([-0.3, 0.4, 0], [0, 0, 1], (0, 1.5)),
+        Joint([-0.3, 0.4, 0], [0, 0, 1], (-1.5, 0)),
     )
     rack = Part(
         "c",

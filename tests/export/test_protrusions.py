@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 import trimesh
@@ -12,7 +14,8 @@ from uniart_jax.export.budget import PART_MOST, shape_count, within_budget
 from uniart_jax.export.physics import Box, Hull
 from uniart_jax.export.protrusions import as_shapes, fine_cells, protrusions
 from uniart_jax.export.separation import as_solid
-from uniart_jax.export.voxel_boxes import cover
+from uniart_jax.export.volume_error import half_spaces
+from uniart_jax.export.voxel_boxes import as_cells, cover
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
 
@@ -48,7 +51,7 @@ def cabinet() -> ArticulatedObject:
     door = ((-0.23, -0.19), (-0.3, 0.3), (-0.2, 0.4))
     posts = [((-0.26, -0.23), (-0.25, -0.234), (z, z + 0.016)) for z in (0.0, 0.15)]
     bar = ((-0.27, -0.254), (-0.25, -0.234), (0.0, 0.166))
-    hinge = Joint([-0.2, 0.3, 0.1], [0, 0, 1], (0, 1.5))
+    hinge = Joint([-0.2, 0.3, 0.1], [0, 0, 1], (-1.5, 0))
     return ArticulatedObject(
         (
             Part("base", rough(solid(case, *leg))),
@@ -75,7 +78,7 @@ def made():
     return obj, bodies, within_budget(obj, bodies, meshes)
 
 
-@pytest.mark.parametrize("budget", [None, 64, 12])
+@pytest.mark.parametrize("budget", [None, 12, 8])
 def test_an_object_stands_on_all_of_its_legs(made, budget):
     obj, bodies, light = made
     if budget is not None:
@@ -101,13 +104,64 @@ def test_a_handle_can_be_held(made):
     held = [s for s in light[1].shapes if s.stands_out]
     assert held and all(isinstance(s, Box | Hull) for s in held)
     between = 2 * np.array([-0.245, -0.242, 0.08])  # a finger goes behind the bow
-    from_bow = [as_solid(s) for s in held]
-    assert all(not _holds(one, between) for one in from_bow)
+    assert not holds(light[1].shapes, between)
 
 
-def _holds(one, point) -> bool:
-    lo, hi = np.reshape(one.bounding_box(), (2, 3))
-    return bool((point > lo).all() and (point < hi).all())
+def holds(shapes, point) -> bool:
+    """Whether a shape holds a point, metres."""
+    spaces = [half_spaces(as_solid(shape)) for shape in shapes]
+    return any((normals @ point < offsets).all() for normals, offsets in spaces)
+
+
+def chest_of_drawers(number: int) -> ArticulatedObject:
+    """Drawers above one another, with a handle each."""
+    parts = [Part("base", rough(solid(((-0.2, 0.2), (-0.2, 0.2), (-0.45, 0.45)))))]
+    slide = Joint([0, 0, 0], [-1, 0, 0], (0, 0), (0, 0.2))
+    for k, low in enumerate(np.linspace(-0.45, 0.45, number + 1)[:-1]):
+        front = ((-0.24, -0.21), (-0.2, 0.2), (low, low + 0.8 / number))
+        bar = ((-0.28, -0.24), (-0.05, 0.05), (low + 0.02, low + 0.04))
+        parts.append(Part(f"drawer_{k}", rough(solid(front, bar), k), 0, slide))
+    return ArticulatedObject(tuple(parts), from_voxels=True)
+
+
+@pytest.mark.parametrize("budget", [6, 8, 12])
+def test_handles_leave_a_shape_for_every_part(budget):
+    obj = chest_of_drawers(5)
+    meshes = [part.mesh for part in obj.parts]
+    light = within_budget(obj, make_bodies(obj, meshes), meshes, budget)
+    assert shape_count(light) <= max(budget, len(obj.parts))
+    assert all(body.shapes for body in light)
+
+
+def test_walls_on_the_ground_are_no_feet():
+    walls = [((-0.2, 0.2), (y, y + 0.03), (-0.45, 0.4)) for y in (-0.3, 0.27)]
+    top = ((-0.2, 0.2), (-0.3, 0.3), (0.38, 0.42))
+    base = rough(solid(*walls, top))
+    (body,) = make_bodies(ArticulatedObject((Part("base", base),), from_voxels=True), [base])
+    assert len(body.shapes) >= 3 and not any(shape.stands_out for shape in body.shapes)
+
+
+def test_what_is_in_the_way_of_another_part_goes():
+    obj = cabinet()
+    flap = Part("flap", rough(solid(((-0.28, -0.24), (-0.5, -0.4), (0.0, 0.16))), 2), 0)
+    flap = dataclasses.replace(flap, joint=Joint([0, 0, 0], [0, 1, 0], (0, 0), (0, 0.3)))
+    obj = dataclasses.replace(obj, parts=(*obj.parts, flap))  # it slides over the handle
+    meshes = [part.mesh for part in obj.parts]
+    bodies = make_bodies(obj, meshes)
+    inside = 2 * np.array([-0.262, -0.242, 0.08])  # the bar
+    assert holds(bodies[1].shapes, inside)
+    assert not holds(within_budget(obj, bodies, meshes)[1].shapes, inside)
+
+
+def test_what_was_carved_away_does_not_come_back():
+    obj = cabinet()
+    cells = as_cells(obj, [part.mesh for part in obj.parts])
+    low = np.zeros_like(cells.full[0])
+    low[:, :, : cells.holding(np.array([0, 0, -0.35]))[2]] = True  # the ends of the legs
+    carved = dataclasses.replace(cells, full=cells.full & ~low[None])
+    back = dataclasses.replace(carved, fine={0: cells.fine[0].without(low)})
+    assert lowest(carved.shapes(1.0)[0]).max() < -0.4  # as if nothing was carved
+    assert lowest(back.shapes(1.0)[0]).min() > -0.4
 
 
 def cube_with(pin: bool, other: bool) -> tuple:
@@ -141,6 +195,12 @@ def test_cells_of_other_parts_are_not_its_own():
     mesh = trimesh.creation.box(bounds=[[3, 8, 8], [24, 24, 24]])
     fine = fine_cells(np.asarray(mesh.vertices), np.asarray(mesh.faces), 32, taken, FRONT, False)
     assert not fine.inside[:9].any() and fine.inside[10:].any() and not protrusions(fine, boxes)
+
+
+def test_near_a_hinge_there_is_no_handle():
+    fine, boxes = cube_with(True, False)
+    assert protrusions(fine.away_from(np.array([8.0, 24, 16]), np.array([0, 0, 1.0])), boxes)
+    assert not protrusions(fine.away_from(np.array([8.0, 15, 16]), np.array([0, 0, 1.0])), boxes)
 
 
 def test_a_slanted_leg_is_a_hull_and_a_straight_one_a_box():

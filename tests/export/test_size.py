@@ -16,13 +16,13 @@ def fridge(width: float, opened: float = 0.0) -> ArticulatedObject:
     body = trimesh.creation.box((0.4, width, 1.0))
     door = trimesh.creation.box((0.02, width, 1.0))
     door.apply_translation([-0.21, 0, 0])
-    hinge = Joint([-0.2, width / 2, 0], [0, 0, 1], (0, 1.5))
+    hinge = Joint([-0.2, width / 2, 0], [0, 0, 1], (-1.5, 0))
     obj = ArticulatedObject((Part("a", body), Part("b", door, 0, hinge)))
     return obj.shown_at(np.array([0.0, opened]))
 
 
 def test_as_long_at_rest_as_usual():
-    for opened in (0.0, 1.5):
+    for opened in (0.0, -1.5):
         assert typical_scale(fridge(0.35, opened), "refrigerator") == pytest.approx(1.7)
     assert typical_scale(fridge(0.35), "microwave") == pytest.approx(0.5)
 
@@ -34,5 +34,7 @@ def test_a_cube_is_a_small_refrigerator():
 def test_what_nobody_knows_is_a_metre():
     assert typical_scale(fridge(0.5), "assembly of nothing") == 1.0
     assert typical_size("Storage Furniture") == parse_size("storagefurniture") == 1.25
+    pane = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [1, 0, 2], [0, 0, 2]], [[0, 1, 2], [0, 2, 3]])
+    assert typical_scale(ArticulatedObject((Part("a", pane),)), "refrigerator") == 1.7 / 2
     with pytest.raises(ValueError, match="--size 'huge'"):
         parse_size("huge")

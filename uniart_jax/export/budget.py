@@ -5,7 +5,7 @@ Simulators with thousands of copies pay for every shape. Two shapes of a part ar
 a hull; first those whose union changes least, and those last that would stand where another part is
 on any joint's way. So walls of a drawer, which five boxes say, stay walls, and what is cut into
 dozens of wedges becomes as coarse as the budget asks for. Legs and handles stay as
-they are, unless they are in another part's way.
+they are (``_kept_apart``).
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from uniart_jax.export.box_cover import fitted_box
 from uniart_jax.export.collision import OVERLAP, rebuilt
 from uniart_jax.export.convex_split import triangles
 from uniart_jax.export.formats import COLLISION_BUDGET
+from uniart_jax.export.frames import rigid_groups
 from uniart_jax.export.physics import Body, Box, Shape
 from uniart_jax.export.separation import as_solid, separated
 from uniart_jax.export.shape_merging import Merger
@@ -29,7 +30,8 @@ from uniart_jax.export.volume_error import corners_of, half_spaces, is_open, vol
 from uniart_jax.objects.object import ArticulatedObject
 
 PART_MOST = 16  # convex shapes a part
-STATES = 7  # of a joint's range, at which other parts are looked up
+STATES = 7  # of a joint's range, at which other parts are looked up ...
+FINE_STATES = 17  # ... and at which legs and handles are tried
 CELL = 1 / 64  # of the object's longest side: how closely other parts' places are told apart
 INSET = 0.006  # of the longest side: how deep in another part a place must lie to be its own
 SAMPLES = 3000  # places a part
@@ -59,14 +61,13 @@ def within_budget(
     check_budget(budget)
     size = float(np.ptp(obj.bounds, axis=0).max()) * obj.scale
     places = [_places(body.shapes, size) for body in bodies]
-    parts, standing = [], []
-    for k, body in enumerate(bodies):
-        rest = tuple(s for s in body.shapes if not s.stands_out) or body.shapes
-        own = [s for s in body.shapes if s.stands_out] if rest is not body.shapes else []
-        barred = _barred(obj, k, places, body.shapes, rest, size)
-        parts.append(Merger(rest, barred, BARRED * size**3, boxes))
-        standing.append([s for s in own if not parts[k].inside(as_solid(s))])
-    standing = _largest(standing, budget)
+    joined, standing = zip(*(_split(body.shapes) for body in bodies), strict=True)
+    barred = [_barred(obj, k, places, b.shapes, joined[k], size) for k, b in enumerate(bodies)]
+    free = _free(obj, [body.shapes for body in bodies], standing, OVERLAP * size)
+    standing, pooled = _kept_apart(standing, free, budget)
+    parts = []
+    for own, more, points in zip(joined, pooled, barred, strict=True):
+        parts.append(Merger((*own, *more), _outside(points, more), BARRED * size**3, boxes))
     budget -= sum(len(own) for own in standing)
     for part, own in zip(parts, standing, strict=True):
         part.coarsen(min(PART_MOST - len(own), budget))
@@ -91,14 +92,79 @@ def within_budget(
     return tuple(out)
 
 
-def _largest(standing: Sequence[Sequence[Shape]], budget: int) -> list[tuple[Shape, ...]]:
-    """[K] of the legs and handles of every part those that stay: the largest, half of the budget
-    at most, and what leaves a shape for each part."""
-    found = [(k, shape) for k, own in enumerate(standing) for shape in own]
-    found.sort(key=lambda one: -as_solid(one[1]).volume())
-    found = found[: max(min(budget // 2, budget - len(standing)), 0)]
-    own = [[s for j, s in found if j == k][: PART_MOST // 2] for k in range(len(standing))]
-    return [tuple(shapes) for shapes in own]
+Shapes = tuple[Shape, ...]
+
+
+def _split(shapes: Shapes) -> tuple[Shapes, Shapes]:
+    """The shapes of a part that may be joined, and those that stand out; if all do, all may be
+    joined."""
+    joined = tuple(s for s in shapes if not s.stands_out)
+    return (joined, tuple(s for s in shapes if s.stands_out)) if joined else (shapes, ())
+
+
+def _kept_apart(
+    standing: Sequence[Shapes], free: Sequence[Sequence[bool]], budget: int
+) -> tuple[list[Shapes], list[Shapes]]:
+    """[K] of the legs and handles of every part those that stay as they are, and those that may be
+    joined with others.
+
+    At most half of the budget stays as it is, ``PART_MOST`` / 2 a part, and so much that a shape
+    is left for each part; the largest first. What is not ``free`` may be joined; if it is
+    ``optional``, it goes.
+    """
+    most = max(min(budget // 2, budget - len(standing)), 0)
+    pooled: list[list[Shape]] = [[] for _ in standing]
+    offered = []
+    for k, shapes in enumerate(standing):
+        for shape, moves_freely in zip(shapes, free[k], strict=True):
+            if moves_freely:
+                offered.append((as_solid(shape).volume(), k, shape))
+            elif not shape.optional:
+                pooled[k].append(shape)
+    kept: list[list[Shape]] = [[] for _ in standing]
+    for _, k, shape in sorted(offered, key=lambda one: -one[0]):
+        room = sum(map(len, kept)) < most and len(kept[k]) < PART_MOST // 2
+        (kept if room else pooled)[k].append(shape)
+    return [tuple(own) for own in kept], [tuple(own) for own in pooled]
+
+
+def _free(
+    obj: ArticulatedObject,
+    shapes: Sequence[Shapes],
+    standing: Sequence[Shapes],
+    least: float,
+) -> list[list[bool]]:
+    """[K] of the legs and handles of every part, whether no shape of another part stands in them by
+    more than ``least`` metres as shown, at rest or on any joint's way.
+
+    Args:
+      shapes: [K] all shapes, metres; ``standing`` are among them.
+    """
+    free = [[True] * len(own) for own in standing]
+    solids = [as_solid(shape) for own in shapes for shape in own]
+    owner = np.repeat(np.arange(len(shapes)), [len(own) for own in shapes])
+    if not any(standing):
+        return free
+    boxes = np.array([trimesh.bounds.corners(corners_of(solid)) for solid in solids])  # [N, 8, 3]
+    tried = [[(as_solid(shape), corners_of(as_solid(shape))) for shape in own] for own in standing]
+    groups = np.array(rigid_groups(obj))
+    for state in _states(obj, FINE_STATES):
+        poses = obj.forward_kinematics(state)
+        poses[:, :3, 3] *= obj.scale
+        for k, own in enumerate(tried):
+            if not any(free[k]):
+                continue
+            matrix = (np.linalg.inv(poses[k]) @ poses)[owner]
+            moved = np.einsum("nij,nkj->nki", matrix[:, :3, :3], boxes) + matrix[:, None, :3, 3]
+            low, high = moved.min(1), moved.max(1)
+            others = groups[owner] != groups[k]
+            for i, (solid, (lo, hi)) in enumerate(own):
+                near = others & (np.minimum(high, hi) - np.maximum(low, lo) > least).all(1)
+                for n in np.flatnonzero(near) if free[k][i] else ():
+                    both = solid ^ solids[n].transform(matrix[n, :3])
+                    sides = np.ptp(corners_of(both), axis=0) if not both.is_empty() else 0.0
+                    free[k][i] &= not np.min(sides) > least
+    return free
 
 
 def check_budget(budget: int) -> None:
@@ -165,19 +231,24 @@ def _barred(
         np.floor(points / (CELL * size)).astype(np.int64), axis=0, return_index=True
     )
     points = points[np.sort(first)]
-    for shape in own:
+    return _outside(points, own)
+
+
+def _outside(points: np.ndarray, shapes: Sequence[Shape]) -> np.ndarray:
+    """Those of points [n, 3] that no shape holds."""
+    for shape in shapes:
         normals, offsets = half_spaces(as_solid(shape))
         points = points[~(points @ normals.T <= offsets).all(1)]
     return points
 
 
-def _states(obj: ArticulatedObject) -> list[np.ndarray]:
+def _states(obj: ArticulatedObject, number: int = STATES) -> list[np.ndarray]:
     """As shown, at rest, and every joint over its range with the others at rest."""
     rest = obj.rest()
     states = [np.zeros(len(obj.parts)), rest]
     for k, (lo, hi) in enumerate(obj.limits):
         if obj.parts[k].parent >= 0 and hi > lo:
-            for q in np.linspace(lo, hi, STATES):
+            for q in np.linspace(lo, hi, number):
                 states.append(np.where(np.arange(len(rest)) == k, q, rest))
     return states
 

@@ -20,7 +20,8 @@ STANDS = 0.007  # of the object's longest side, that a handle stands out from it
 SPAN = 0.02  # of that side, that a handle is long at least
 LEVEL = 0.004  # of that side, within which faces are one plate's
 PLATE = 0.2  # of all that looks there, that a plate is at least; the foremost counts
-FROM_HINGE = 0.4  # of the largest distance from the axis, at which a handle is at least
+FROM_HINGE = 0.3  # of the largest distance from the axis, at which a handle is at least
+BESIDE = 0.2  # of that distance, that the middle of what a handle turns is from the axis at least
 
 
 @dataclasses.dataclass(frozen=True)
@@ -110,16 +111,18 @@ def _grip(
     mesh = trimesh.util.concatenate([trimesh.Trimesh(m.vertices, m.faces) for m in meshes])
     way = opens * joint.direction
     if joint.rotates:
-        center = obj.parts[k].mesh.bounds.mean(0)
-        way = way * joint.pitch + opens * np.cross(joint.direction, center - joint.origin)
+        arm = np.cross(joint.direction, obj.parts[k].mesh.bounds.mean(0) - joint.origin)
+        if np.linalg.norm(arm) < BESIDE * _radii(obj, k, mesh.vertices).max():
+            return k, None  # it turns about itself
+        way = way * joint.pitch + opens * arm
     if not np.linalg.norm(way) > 1e-6:
         return k, None
     facing = mesh.face_normals @ (way / np.linalg.norm(way)) >= FACING
     if not facing.any():
         return k, None
     centers, areas = mesh.triangles_center[facing], mesh.area_faces[facing]
-    way = areas @ mesh.face_normals[facing]  # across the plate
-    height = centers @ (way / np.linalg.norm(way))
+    normal = areas @ mesh.face_normals[facing]  # of the plate
+    height = centers @ (normal / np.linalg.norm(normal))
     size = float(np.ptp(obj.bounds, axis=0).max())
     order = np.argsort(height)
     upto = np.append(0, areas[order].cumsum())
@@ -135,7 +138,7 @@ def _grip(
     pairs = pairs[np.isin(pairs, ahead).all(1)]
     pieces = trimesh.graph.connected_components(pairs, nodes=ahead, min_len=1)
     corners = [mesh.vertices[mesh.faces[piece]].reshape(-1, 3) for piece in pieces]
-    long = [np.ptp(own, axis=0).max() >= SPAN * size for own in corners]
+    long = [np.ptp(points, axis=0).max() >= SPAN * size for points in corners]
     pieces = [piece for piece, enough in zip(pieces, long, strict=True) if enough]
     if not pieces:
         return k, None

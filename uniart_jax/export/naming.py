@@ -9,11 +9,9 @@ from __future__ import annotations
 import dataclasses
 import re
 
-import numpy as np
-
 from uniart_jax.export.part_kinds import part_kinds
 from uniart_jax.objects.names import Numbered, clean
-from uniart_jax.objects.object import ArticulatedObject, moved_mesh
+from uniart_jax.objects.object import ArticulatedObject, bounds_at
 
 BASE = "base"
 MADE_UP = re.compile(
@@ -65,10 +63,7 @@ def _counted(kind: str, counts: dict[str, int], taken: Numbered) -> str:
 def reading_order(obj: ArticulatedObject) -> list[int]:
     """The root, then the parts at rest as one reads the front (which is at -x): rows from the top,
     each from the left, +y. A row goes down as far as the part with its highest middle."""
-    moved = obj.forward_kinematics(obj.rest())
-    boxes = np.array(
-        [moved_mesh(p.mesh, m).bounds for p, m in zip(obj.parts, moved, strict=True)]
-    )  # [K, 2, 3]
+    boxes = bounds_at(obj, obj.rest())
     middle = boxes.mean(1)
     left = sorted(range(1, len(obj.parts)), key=lambda k: (-middle[k, 2], -middle[k, 1], k))
     order = [0]

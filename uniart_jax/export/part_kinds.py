@@ -20,9 +20,9 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from uniart_jax.export.frames import moves
+from uniart_jax.export.frames import moves, rigid_groups
 from uniart_jax.objects.kinematics import Joint
-from uniart_jax.objects.object import ArticulatedObject, moved_mesh
+from uniart_jax.objects.object import ArticulatedObject, bounds_at
 
 AFTER_JOINT = {
     "revolute": "hinge",
@@ -41,6 +41,7 @@ ROUND = 0.7  # of the disc about the axis, that an outline fills at least (a squ
 ALONG = 0.9  # cosine to an axis, from which on a joint is along it
 PLATE = 0.5  # of its second longest side, that a plate is thick at most
 EDGE = 0.3  # of its width, that a hinge lies from the middle of a door at least
+HANDLE = 0.3  # of the outline of what it opens, from the front, that a handle takes at most
 FLAT = 0.4  # of its width, that a turntable is high at most
 COVERED = 0.5  # of a rack's outline from the front, that a door is before at least
 BUTTON, PRESS = 0.12, 0.03  # of the object's longest side: a button, and how far it goes, at most
@@ -49,10 +50,7 @@ WITHIN = 0.02  # of that side, that what is inside may reach beyond the body
 
 def part_kinds(obj: ArticulatedObject) -> list[str]:
     """[K] words; "base" of the root."""
-    moved = obj.forward_kinematics(obj.rest())
-    boxes = np.array(
-        [moved_mesh(p.mesh, m).bounds for p, m in zip(obj.parts, moved, strict=True)]
-    )  # [K, 2, 3]
+    moved, boxes = obj.forward_kinematics(obj.rest()), bounds_at(obj, obj.rest())
     plates = [k for k in range(len(obj.parts)) if _is_plate(obj, k, boxes[k], moved)]
     return [
         "base" if part.parent < 0 else _kind(obj, k, boxes, plates, moved)
@@ -68,13 +66,15 @@ def _kind(
     joint, along = part.joint, np.abs(moved[part.parent][:3, :3] @ part.joint.direction)
     size = float(np.ptp(boxes.reshape(-1, 3), axis=0).max())
     if joint.type == "fixed":
-        held = moves(obj.parts[part.parent]) and box[0, 0] < boxes[part.parent, 0, 0]
-        return "handle" if held else "fixed"
+        leader = rigid_groups(obj)[k]
+        before = moves(obj.parts[leader]) and box[0, 0] < boxes[leader, 0, 0]
+        small = sides[1:].prod() <= HANDLE * np.ptp(boxes[leader], axis=0)[1:].prod()
+        return "handle" if before and small else "fixed"
     if joint.type in ("revolute", "continuous") and is_knob(obj, k):
         return "knob"
     if k in plates:
         return "lid" if sides.argmin() == 2 else "door"
-    if joint.type == "continuous" and _is_within(box, boxes[obj.parents.index(-1)], size):
+    if joint.type == "continuous" and _is_within(box, boxes[0], size):
         lying = sides[2] <= FLAT * sides[:2].max() and along[2] >= ALONG
         return "turntable" if lying else "drum"
     if joint.type == "prismatic" and along[0] >= ALONG:

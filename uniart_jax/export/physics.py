@@ -21,14 +21,16 @@ class Box:
       center: [3] metres, object frame.
       size: [3] full side lengths, metres.
       rotation: [3, 3] whose columns are the box's own axes in the object frame (right-handed).
-      stands_out: whether it is a leg or a handle (``export.protrusions``), which is joined with no
-        other shape.
+      stands_out: whether it is a leg or a handle, which is joined with no other shape while the
+        budget allows it (``export.budget``).
+      optional: whether it goes where it is in another part's way (``export.protrusions``).
     """
 
     center: np.ndarray
     size: np.ndarray
     rotation: np.ndarray
     stands_out: bool = False
+    optional: bool = False
 
 
 @dataclasses.dataclass(frozen=True)
@@ -37,11 +39,12 @@ class Hull:
 
     Attributes:
       mesh: closed convex surface, metres, object frame.
-      stands_out: as of a ``Box``.
+      stands_out, optional: as of a ``Box``.
     """
 
     mesh: trimesh.Trimesh
     stands_out: bool = False
+    optional: bool = False
 
 
 Shape = Box | Hull

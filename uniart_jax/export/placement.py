@@ -17,7 +17,7 @@ from scipy.optimize import linear_sum_assignment
 
 from uniart_jax.export.atlas import Surface
 from uniart_jax.export.formats import ORIGINS, Origin
-from uniart_jax.export.physics import Body, Box, Hull, Shape
+from uniart_jax.export.physics import Body, Box, Shape
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject
 
@@ -120,7 +120,7 @@ def _moved(shape: Shape, matrix: np.ndarray) -> Shape:
         _, order = linear_sum_assignment(-np.abs(rotation))
         rotation = rotation[:, order] * np.where(np.diag(rotation[:, order]) < 0, -1.0, 1.0)
         center, size = turn @ shape.center + matrix[:3, 3], np.asarray(shape.size)[order]
-        return Box(center, size, rotation, shape.stands_out)
+        return dataclasses.replace(shape, center=center, size=size, rotation=rotation)
     vertices = trimesh.transform_points(shape.mesh.vertices, matrix)
     mesh = trimesh.Trimesh(vertices, shape.mesh.faces, process=False)
-    return Hull(mesh, shape.stands_out)
+    return dataclasses.replace(shape, mesh=mesh)

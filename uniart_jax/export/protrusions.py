@@ -16,6 +16,7 @@ import trimesh
 from scipy import ndimage
 from scipy.spatial import ConvexHull
 
+from uniart_jax.export.handles import FROM_HINGE
 from uniart_jax.voxels.crossings import lattice_windings
 
 FINE = 2  # cells along one of the coarse lattice
@@ -27,9 +28,6 @@ MOST = 6  # protrusions of a part, the largest
 BOXES, HELD = 3, 0.9  # of one protrusion at most, where they hold so much of it; else a hull ...
 FULL = 0.5  # ... of which so much is the protrusion's
 OPEN = 0.5  # of its cells that see the outside at least
-FROM_HINGE = (
-    0.3  # of the largest distance from a hinge's axis, nearer than which there is no handle
-)
 
 Place = tuple[np.ndarray, np.ndarray]  # lower and upper corner, cells of a lattice
 
@@ -50,6 +48,11 @@ class Fine:
     visible: np.ndarray
     root: bool
 
+    def without(self, taken: np.ndarray) -> Fine:
+        """The same without some cells [n, n, n] of the coarse lattice."""
+        here = taken[_coarse(self.first, self.inside.shape, len(taken))]
+        return dataclasses.replace(self, inside=self.inside & ~here)
+
     def away_from(self, origin: np.ndarray, axis: np.ndarray) -> Fine:
         """The same, of which nothing near a hinge is visible. ``origin``, ``axis``: a point of the
         hinge's axis [3] in cells of the coarse lattice, and its direction [3]."""
@@ -58,6 +61,12 @@ class Fine:
         far = far.reshape(self.inside.shape)
         reach = FROM_HINGE * float(far[self.inside].max(initial=0.0))
         return dataclasses.replace(self, visible=self.visible & (far >= reach))
+
+
+def _coarse(first: np.ndarray, shape: tuple[int, ...], n: int) -> tuple[np.ndarray, ...]:
+    """Index of a window's fine cells into the coarse lattice, n along each side."""
+    at = zip(first, shape, strict=True)
+    return np.ix_(*(np.clip((f + np.arange(s)) // FINE, 0, n - 1) for f, s in at))
 
 
 def fine_cells(
@@ -84,8 +93,7 @@ def fine_cells(
     for axis, side in directions:
         ahead = np.moveaxis(others, axis, 0)[::-side]
         np.moveaxis(clear, axis, 0)[::-side] |= ~np.maximum.accumulate(ahead, 0)
-    at = [np.clip((f + np.arange(s)) // FINE, 0, n - 1) for f, s in zip(first, shape, strict=True)]
-    window = np.ix_(*at)
+    window = _coarse(first, inside.shape, n)
     return Fine(first, inside & ~others[window], clear[window], root)
 
 

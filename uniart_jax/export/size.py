@@ -3,7 +3,8 @@ normalised.
 
 ``TYPICAL`` is the longest side in metres of a usual one, closed, by category: our own families (the
 median of their seeds) and PartNet-Mobility's categories (``model_cat``) from everyday measures.
-Anything else is taken as 1 m. Of the seven families' objects (validation seeds) it is off by
+Anything else is taken as 1 m. ``--size`` is of the shown state, ``typical_scale`` of
+the closed one. Of the seven families' objects (validation seeds) it is off by
 a factor of 1.07 (dishwashers) to 1.31 (storage furniture; medians), 1 m by 1.09 to 1.7.
 """
 
@@ -15,7 +16,7 @@ import re
 
 import numpy as np
 
-from uniart_jax.objects.object import ArticulatedObject, moved_mesh
+from uniart_jax.objects.object import ArticulatedObject, bounds_at
 
 DEFAULT = 1.0  # metres
 TYPICAL: dict[str, float] = {
@@ -101,13 +102,13 @@ def typical_size(category: str) -> float:
 def typical_scale(obj: ArticulatedObject, category: str) -> float:
     """Metres for an object unit, with which an object is as long at rest as one of ``category``
     usually is, and no wider than ``WIDEST``; 1 where the category is unknown."""
-    if _key(category) not in TYPICAL:
+    key = _key(category)
+    if key not in TYPICAL:
         return 1.0
-    moved = obj.forward_kinematics(obj.rest())
-    boxes = np.array([moved_mesh(p.mesh, m).bounds for p, m in zip(obj.parts, moved, strict=True)])
-    scale = typical_size(category) / float(np.ptp(boxes.reshape(-1, 3), axis=0).max())
-    width = float(np.ptp(boxes[obj.parents.index(-1)], axis=0)[1])
-    return min(scale, WIDEST.get(_key(category), np.inf) / width)
+    boxes = bounds_at(obj, obj.rest())
+    scale = TYPICAL[key] / float(np.ptp(boxes.reshape(-1, 3), axis=0).max())
+    width = float(np.ptp(boxes[0], axis=0)[1])
+    return min(scale, WIDEST[key] / width) if key in WIDEST and width else scale
 
 
 def parse_size(text: str) -> float:

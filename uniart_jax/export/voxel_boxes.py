@@ -40,7 +40,7 @@ LEAST_CELLS = 3  # a part with fewer gets all cells that its corners are in
 GAP = 0.0015  # of the longest side, between the boxes of neighbours
 REACH = 0.7  # cells from a knob's rim, within which a cell's middle lies that it touches
 FREE = -1  # owner of a cell that is nobody's
-FOOT = 0.1  # of the body's outline from above that a foot takes at most
+FOOT = 0.35  # of the shorter side of the body's outline from above, that a foot is wide at most
 # (axis, side) to which what stands out is looked for: the body stands on it, or it lies on top; a
 # hand comes from the front (-x), from a side or from above
 BODY, MOVING = ((2, -1), (2, 1)), ((0, -1), (1, -1), (1, 1), (2, 1))
@@ -107,38 +107,43 @@ class Cells:
                 out.append((Hull(metric),))
                 continue
             covering = cover(self.full[k], self.spare[k])
-            shapes: list[Shape] = [self._box(*box, pose, scale) for box in covering]
-            if k in self.fine and self.fine[k].root:
+            root = k in self.fine and self.fine[k].root
+            shapes: list[Shape] = [self._box(*box, pose, scale, root) for box in covering]
+            if root:
                 shapes = self._with_feet(shapes, covering)
             for piece in protrusions(self.fine[k], covering) if k in self.fine else []:
                 found = as_shapes(piece, cover, self.hulls)
                 if isinstance(found, trimesh.Trimesh):
                     points = (self.corner + found.vertices / FINE * self.side) @ pose[:3, :3].T
                     metric = trimesh.Trimesh((points + pose[:3, 3]) * scale, found.faces)
-                    shapes.append(Hull(metric, stands_out=True))
+                    shapes.append(Hull(metric, stands_out=True, optional=True))
                     continue
                 for low, high in found:
-                    box = self._box(low / FINE, high / FINE, pose, scale)
-                    shapes.append(dataclasses.replace(box, stands_out=True))
+                    box = self._box(low / FINE, high / FINE, pose, scale, root)
+                    shapes.append(dataclasses.replace(box, stands_out=True, optional=True))
             out.append(tuple(shapes))
         return out
 
     def _with_feet(self, shapes: list[Shape], boxes: list[Place]) -> list[Shape]:
         """The root's boxes, with those that stand on the ground and are narrow marked."""
         low, high = (np.array([box[i] for box in boxes]) for i in (0, 1))
-        wide = np.prod((high - low)[:, :2], 1) > FOOT * np.prod((high.max(0) - low.min(0))[:2])
-        feet = ~wide & (self.corner[2] + low[:, 2] * self.side < self.ground + self.side)
+        narrow = FOOT * float((high.max(0) - low.min(0))[:2].min())
+        feet = ((high - low)[:, :2].max(1) <= narrow) & (
+            self.corner[2] + low[:, 2] * self.side < self.ground + self.side
+        )
         return [
             dataclasses.replace(shape, stands_out=True) if foot else shape
             for shape, foot in zip(shapes, feet, strict=True)
         ]
 
-    def _box(self, low: np.ndarray, high: np.ndarray, pose: np.ndarray, scale: float) -> Box:
-        """The box between two corners in cells, less a gap; its bottom is the ground where that is
-        within a cell."""
+    def _box(
+        self, low: np.ndarray, high: np.ndarray, pose: np.ndarray, scale: float, root: bool
+    ) -> Box:
+        """The box between two corners in cells, less a gap; of the root its bottom is the ground
+        where that is within a cell."""
         gap = GAP * CELLS * self.side
         lower, upper = self.corner + low * self.side + gap, self.corner + high * self.side - gap
-        if abs(lower[2] - gap - self.ground) < self.side < upper[2] - self.ground:
+        if root and abs(lower[2] - gap - self.ground) < self.side < upper[2] - self.ground:
             lower[2] = self.ground
         moved = pose[:3, :3] @ ((lower + upper) / 2) + pose[:3, 3]
         return Box(moved * scale, (upper - lower) * scale, pose[:3, :3].copy())
@@ -208,7 +213,7 @@ def as_cells(obj: ArticulatedObject, meshes: Sequence[trimesh.Trimesh]) -> Cells
                 origin, axis = _axis(obj, k, rest)
                 found = found.away_from((origin - corner) / side, axis)
             fine[k] = found
-    ground = float(corners[next(k for k, p in enumerate(obj.parts) if p.parent < 0)][:, 2].min())
+    ground = float(corners[0][:, 2].min())
     return Cells(corner, side, rest, full, alone, hulls, fine, ground)
 
 

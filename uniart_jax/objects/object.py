@@ -28,6 +28,12 @@ from uniart_jax.objects.several_joints import lowering, one_joint
 State = Sequence[float] | np.ndarray | dict[str, float]  # [K] coordinates, or part name -> q
 
 
+def bounds_at(obj: ArticulatedObject, q: State) -> np.ndarray:
+    """[K, 2, 3] lower and upper corners of every part at state ``q``."""
+    moved = zip(obj.parts, obj.forward_kinematics(q), strict=True)
+    return np.array([moved_mesh(part.mesh, matrix).bounds for part, matrix in moved])
+
+
 def moved_mesh(mesh: trimesh.Trimesh, matrix: np.ndarray) -> trimesh.Trimesh:
     """A copy of ``mesh`` moved by [4, 4], mirrors included; it shares its material with the
     original.

@@ -110,6 +110,7 @@ def carve(obj: ArticulatedObject, cells: Cells) -> tuple[Cells, tuple[str, ...]]
     Returns:
       The cells, and a line for each pair of parts that lost some.
     """
+    given = cells
     cells = dataclasses.replace(cells, full=cells.full.copy(), spare=cells.spare.copy())
     first = cells.full.sum((1, 2, 3))
     lost: dict[tuple[int, int], int] = {}
@@ -147,7 +148,8 @@ def carve(obj: ArticulatedObject, cells: Cells) -> tuple[Cells, tuple[str, ...]]
         for (a, b), n in sorted(lost.items())
         if n
     )
-    return cells, lines
+    fine = {k: f.without(given.full[k] & ~cells.full[k]) for k, f in cells.fine.items()}
+    return dataclasses.replace(cells, fine=fine), lines
 
 
 def _surroundings(
