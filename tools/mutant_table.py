@@ -653,4 +653,46 @@ MUTANTS = (
         "tests/models/test_revolution_head.py"
         "::test_it_is_trained_by_batches_without_legs_panels_and_boards",
     ),
+    Mutant(
+        "uniart_jax/export/budget.py",
+        "free[k][i] &= not np.min(sides) > least",
+        "free[k][i] &= True",
+        "tests/export/test_protrusions.py::test_what_is_in_the_way_of_another_part_goes",
+    ),
+    Mutant(
+        "uniart_jax/export/budget.py",
+        "most = max(min(budget // 2, budget - len(standing)), 0)",
+        "most = budget // 2",
+        "tests/export/test_protrusions.py::test_handles_leave_a_shape_for_every_part",
+    ),
+    Mutant(
+        "uniart_jax/export/protrusions.py",
+        "self.visible & (far >= reach)",
+        "self.visible",
+        "tests/export/test_protrusions.py::test_near_a_hinge_there_is_no_handle",
+    ),
+    Mutant(
+        "uniart_jax/export/protrusions.py",
+        "inside=self.inside & ~here",
+        "inside=self.inside",
+        "tests/export/test_protrusions.py::test_what_was_carved_away_does_not_come_back",
+    ),
+    Mutant(
+        "uniart_jax/export/handles.py",
+        "out &= _radii(obj, k, centers) >= FROM_HINGE * far",
+        "out &= True",
+        "tests/export/test_handles.py::test_what_stands_out_beside_the_hinge_is_no_handle",
+    ),
+    Mutant(
+        "uniart_jax/export/part_kinds.py",
+        'return "rack" if any(_before(boxes[j], box) for j in plates) else "drawer"',
+        'return "drawer"',
+        "tests/export/test_part_kinds.py::test_a_rack_is_behind_a_door_and_a_handle_before_one",
+    ),
+    Mutant(
+        "uniart_jax/export/size.py",
+        "boxes = bounds_at(obj, obj.rest())",
+        "boxes = obj.bounds[None]",
+        "tests/export/test_size.py::test_as_long_at_rest_as_usual",
+    ),
 )  # fmt: skip

@@ -11,7 +11,7 @@ from skimage import measure
 
 from uniart_jax.export.bodies import make_bodies
 from uniart_jax.export.budget import PART_MOST, shape_count, within_budget
-from uniart_jax.export.physics import Box, Hull
+from uniart_jax.export.physics import Body, Box, Hull
 from uniart_jax.export.protrusions import as_shapes, fine_cells, protrusions
 from uniart_jax.export.separation import as_solid
 from uniart_jax.export.volume_error import half_spaces
@@ -113,24 +113,27 @@ def holds(shapes, point) -> bool:
     return any((normals @ point < offsets).all() for normals, offsets in spaces)
 
 
-def chest_of_drawers(number: int) -> ArticulatedObject:
-    """Drawers above one another, with a handle each."""
-    parts = [Part("base", rough(solid(((-0.2, 0.2), (-0.2, 0.2), (-0.45, 0.45)))))]
-    slide = Joint([0, 0, 0], [-1, 0, 0], (0, 0), (0, 0.2))
-    for k, low in enumerate(np.linspace(-0.45, 0.45, number + 1)[:-1]):
-        front = ((-0.24, -0.21), (-0.2, 0.2), (low, low + 0.8 / number))
-        bar = ((-0.28, -0.24), (-0.05, 0.05), (low + 0.02, low + 0.04))
-        parts.append(Part(f"drawer_{k}", rough(solid(front, bar), k), 0, slide))
-    return ArticulatedObject(tuple(parts), from_voxels=True)
+def slab(lo, hi, stands_out: bool = False) -> Box:
+    lo, hi = np.asarray(lo, float), np.asarray(hi, float)
+    return Box((lo + hi) / 2, hi - lo, np.eye(3), stands_out)
 
 
-@pytest.mark.parametrize("budget", [6, 8, 12])
-def test_handles_leave_a_shape_for_every_part(budget):
-    obj = chest_of_drawers(5)
-    meshes = [part.mesh for part in obj.parts]
-    light = within_budget(obj, make_bodies(obj, meshes), meshes, budget)
-    assert shape_count(light) <= max(budget, len(obj.parts))
-    assert all(body.shapes for body in light)
+@pytest.mark.parametrize(("budget", "apart"), [(5, 0), (8, 3), (10, 5), (40, 8)])
+def test_handles_leave_a_shape_for_every_part(budget, apart):
+    slide = Joint([0, 0, 0], [-1, 0, 0], (0, 0), (0, 0.1))
+    parts = [Part("base", trimesh.creation.box(bounds=[[0, 0, 0], [0.5, 1, 1.2]]))]
+    shapes = [(slab([0, 0, 0], [0.5, 1, 1.2]),)]
+    for k in range(4):  # drawers with two pins each
+        low, high = 0.3 * k + 0.02, 0.3 * k + 0.28
+        front = [-0.1, 0, low], [-0.02, 1, high]
+        pins = [([-0.2, y, low + 0.1], [-0.1, y + 0.02, low + 0.12]) for y in (0.3, 0.7)]
+        parts.append(Part(f"d{k}", trimesh.creation.box(bounds=front), 0, slide))
+        shapes.append((slab(*front), *(slab(*pin, stands_out=True) for pin in pins)))
+    obj = ArticulatedObject(tuple(parts))
+    bodies = [Body(1.0, np.zeros(3), np.eye(3), own, None) for own in shapes]
+    light = within_budget(obj, bodies, [part.mesh for part in parts], budget)
+    assert shape_count(light) <= budget and all(body.shapes for body in light)
+    assert sum(s.stands_out for body in light for s in body.shapes) == apart
 
 
 def test_walls_on_the_ground_are_no_feet():

@@ -22,8 +22,9 @@ def fridge(width: float, opened: float = 0.0) -> ArticulatedObject:
 
 
 def test_as_long_at_rest_as_usual():
-    for opened in (0.0, -1.5):
+    for opened in (0.0, -1.0):
         assert typical_scale(fridge(0.35, opened), "refrigerator") == pytest.approx(1.7)
+        assert typical_scale(fridge(0.9, opened), "oven") == pytest.approx(0.9)
     assert typical_scale(fridge(0.35), "microwave") == pytest.approx(0.5)
 
 
