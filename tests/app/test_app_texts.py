@@ -72,7 +72,7 @@ def test_the_cut_out_and_the_parts():
     assert pictures == ["gradio_api/file=/s/cut.png", "gradio_api/file=/s/parts.png"]
     said = str(kind_of(toy_layout()))
     title = f"{said[:1].upper()}{said[1:]}: 2 parts, 1 of them moves"
-    for words in ("plain background", title, "slider", "confidence 0.90"):
+    for words in ("plain background", title, "drawer", "confidence 0.90"):
         assert words in page.text
     assert "slides by 30% of the object's size" in page.text
     page = Elements(texts.look_html(seen("none")))
@@ -82,7 +82,7 @@ def test_the_cut_out_and_the_parts():
 
 def test_parts_in_words():
     base, drawer = read_parts(toy_layout())
-    assert (base.kind, drawer.kind) == ("base", "slider")
+    assert (base.kind, drawer.kind) == ("base", "drawer")
     assert base.color != drawer.color and not base.moves and drawer.moves
     ordered = root_first(toy_layout())
     assert ordered.parents == (-1, 0) and ordered.joints[1] == toy_layout().joints[0]

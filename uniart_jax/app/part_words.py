@@ -7,8 +7,9 @@ import dataclasses
 import numpy as np
 
 from uniart_jax.export.page import part_color
+from uniart_jax.export.part_kinds import part_kinds
 from uniart_jax.objects.kinematics import Joint
-from uniart_jax.voxels.kind import part_kinds
+from uniart_jax.voxels.kind import part_kinds as kinds_of_boxes
 from uniart_jax.voxels.layout import Layout
 
 
@@ -26,10 +27,18 @@ class ReadPart:
 def read_parts(layout: Layout) -> list[ReadPart]:
     """[K], in the order of ``root_first``."""
     rows, layout = [], root_first(layout)
-    for k, (joint, kind) in enumerate(zip(layout.joints, part_kinds(layout), strict=True)):
+    for k, (joint, kind) in enumerate(zip(layout.joints, _kinds(layout), strict=True)):
         sure = float(layout.confidence[k])
         rows.append(ReadPart(part_color(k), kind, motion(joint), sure, joint.type != "fixed"))
     return rows
+
+
+def _kinds(layout: Layout) -> list[str]:
+    """[K] what each row is (``export.part_kinds``). Knobs are told by their boxes, which are never
+    round (``voxels.kind``)."""
+    by_box = kinds_of_boxes(layout)
+    named = part_kinds(layout.to_object())
+    return ["knob" if box == "knob" else kind for box, kind in zip(by_box, named, strict=True)]
 
 
 def root_first(layout: Layout) -> Layout:
