@@ -20,8 +20,8 @@ from uniart_jax.export.handles import FROM_HINGE
 from uniart_jax.voxels.crossings import lattice_windings
 
 FINE = 2  # cells along one of the coarse lattice
-# cells from the boxes, from which on something stands out of a moving part, and of the body;
-# nearer is a rough skin
+# cells from the boxes, from which on something stands out of a moving part or is a foot, and of the
+# rest of the body; nearer is a rough skin
 OUT, OUT_OF_BODY = 2, 4
 LEAST = 8  # cells of it at least
 MOST = 6  # protrusions of a part, the largest
@@ -111,8 +111,21 @@ def protrusions(fine: Fine, boxes: Sequence[Place]) -> list[np.ndarray]:
     left = fine.inside & ~held
     if not held.any() or not left.any():
         return []
+    if not fine.root:
+        found = _pieces(fine, left, held, OUT)
+    else:
+        found = _pieces(fine, left, held, OUT_OF_BODY)
+        for cells in found:  # short feet, beside these
+            left[tuple((cells - fine.first).T)] = False
+        low = int(fine.inside.any((0, 1)).argmax()) + fine.first[2]
+        found += [piece for piece in _pieces(fine, left, held, OUT) if piece[:, 2].min() <= low + 1]
+    return sorted(found, key=len, reverse=True)[:MOST]
+
+
+def _pieces(fine: Fine, left: np.ndarray, held: np.ndarray, out: int) -> list[np.ndarray]:
+    """Cells [m, 3] of each piece of ``left`` [a, b, c] with cells ``out`` and more from what the
+    boxes hold, straight on into the boxes."""
     block = np.ones((3, 3, 3), bool)
-    out = OUT_OF_BODY if fine.root else OUT
     near = np.asarray(ndimage.binary_dilation(held, block, out - 1), bool)
     labels = np.zeros(left.shape, np.int32)
     ndimage.label(left & ~near, block, output=labels)
@@ -122,14 +135,13 @@ def protrusions(fine: Fine, boxes: Sequence[Place]) -> list[np.ndarray]:
         own = labels[window] == k
         if own.sum() < LEAST or fine.visible[window][own].mean() < OPEN:
             continue
-        rooted = own.copy()  # straight on to the boxes
+        rooted = own.copy()
         for line in np.eye(3, dtype=int):
             ray = np.ones(1 + 2 * line * out, bool)
             rooted |= np.asarray(ndimage.binary_dilation(own, ray), bool)
         cells = np.argwhere(rooted & fine.inside[window])
-        found.append((int(own.sum()), cells + [s.start for s in window] + fine.first))
-    found.sort(key=lambda piece: -piece[0])
-    return [cells for _, cells in found[:MOST]]
+        found.append(cells + [s.start for s in window] + fine.first)
+    return found
 
 
 def as_shapes(

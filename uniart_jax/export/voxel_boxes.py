@@ -111,18 +111,29 @@ class Cells:
             shapes: list[Shape] = [self._box(*box, pose, scale, root) for box in covering]
             if root:
                 shapes = self._with_feet(shapes, covering)
-            for piece in protrusions(self.fine[k], covering) if k in self.fine else []:
-                found = as_shapes(piece, cover, self.hulls)
-                if isinstance(found, trimesh.Trimesh):
-                    points = (self.corner + found.vertices / FINE * self.side) @ pose[:3, :3].T
-                    metric = trimesh.Trimesh((points + pose[:3, 3]) * scale, found.faces)
-                    shapes.append(Hull(metric, stands_out=True, optional=True))
-                    continue
-                for low, high in found:
-                    box = self._box(low / FINE, high / FINE, pose, scale, root)
-                    shapes.append(dataclasses.replace(box, stands_out=True, optional=True))
+            if k in self.fine:
+                shapes += self._standing_out(k, covering, pose, scale)
             out.append(tuple(shapes))
         return out
+
+    def _standing_out(
+        self, k: int, boxes: list[Place], pose: np.ndarray, scale: float
+    ) -> list[Shape]:
+        """Shapes of what stands out from a part's boxes; what is no foot is optional."""
+        found: list[Shape] = []
+        for cells in protrusions(self.fine[k], boxes):
+            bottom = self.corner[2] + cells[:, 2].min() / FINE * self.side
+            optional = not self.fine[k].root or bottom > self.ground + self.side
+            held = as_shapes(cells, cover, self.hulls)
+            if isinstance(held, trimesh.Trimesh):
+                points = (self.corner + held.vertices / FINE * self.side) @ pose[:3, :3].T
+                metric = trimesh.Trimesh((points + pose[:3, 3]) * scale, held.faces)
+                found.append(Hull(metric, stands_out=True, optional=optional))
+                continue
+            for low, high in held:
+                box = self._box(low / FINE, high / FINE, pose, scale, self.fine[k].root)
+                found.append(dataclasses.replace(box, stands_out=True, optional=optional))
+        return found
 
     def _with_feet(self, shapes: list[Shape], boxes: list[Place]) -> list[Shape]:
         """The root's boxes, with those that stand on the ground and are narrow marked."""
