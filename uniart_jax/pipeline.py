@@ -346,6 +346,6 @@ def _sized(obj: ArticulatedObject, kind: Kind) -> ArticulatedObject:
     closed = bounds_at(obj, obj.rest()).reshape(-1, 3)
     longest = float(np.ptp(closed, axis=0).max()) * scale
     word = kind.family.replace("_", " ")
-    why = f"a usual size of a {word}" if kind.named else "an image does not tell"
+    why = f"usual of its kind ({word})" if kind.named else "an image does not tell"
     note = f"size: longest side, closed, taken as {longest:.2f} m, {why}"
     return dataclasses.replace(obj, scale=scale, provenance=(*obj.provenance, note))
