@@ -16,6 +16,7 @@ import predict_training
 import pytest
 import sampling
 import spread
+import standing
 import step_overhead
 import stepped_copies
 import trimesh
@@ -191,3 +192,26 @@ def test_the_gradient_by_whole_weights_of_split_rows_is_one_sum():
         [sys.executable, "-c", SPLIT], env=env, cwd=where, text=True, capture_output=True
     )
     assert ran.stdout.strip() == str({"all-reduce": 2 * 64 * 1 // 2}), ran.stderr
+
+
+def test_an_asset_with_legs_on_one_side_leans_and_one_without_any_sinks(tmp_path):
+    legs = [trimesh.creation.box((0.05, 0.05, 0.4)) for _ in range(4)]
+    for leg, (x, y) in zip(legs, ((-1, -1), (-1, 1), (1, -1), (1, 1)), strict=True):
+        leg.apply_translation([0.3 * x, 0.4 * y, 0])
+    top = trimesh.creation.box((0.7, 0.9, 0.05)).apply_translation([0, 0, 0.22])
+    table = trimesh.boolean.union([top, *legs], engine="manifold")
+    ArticulatedObject((Part("base", table),)).save(tmp_path / "a", formats=("mjcf",), motion=False)
+    path = tmp_path / "a" / "object.xml"
+    sunk, leaning, names = standing.dropped(path)
+    assert abs(sunk) < 0.005 and leaning < 0.5 and names == {"base"}
+    spec = mujoco.MjSpec.from_file(str(path))
+    low = [g for g in spec.geoms if g.group == 3 and g.size[2] > 0.1]  # the legs
+    assert len(low) == 4
+    found = []
+    for gone in (1, -1):
+        for geom in [g for g in low if g.pos[1] * gone > 0]:
+            spec.delete(geom)
+        spec.compile()
+        path.write_text(spec.to_xml())
+        found.append(standing.dropped(path))
+    assert found[0][1] > 5 and found[1][0] > 0.3 and found[1][1] < 1
