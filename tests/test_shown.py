@@ -73,7 +73,7 @@ def test_a_sample_says_what_was_found_and_how():
     evaluations, layout = {"structure": 2, "latent": 3}, Layout.of_object(oven)
     sample = Sample(oven, {}, evaluations, {}, None, ("alpha",), (cut,), layout)
     first, *rest = str(sample).splitlines()
-    assert first == "Sample(an oven-like object: 1 hinge, 4 knobs"
+    assert first == "Sample(an oven-like object: 1 door, 4 knobs"
     assert [line.strip() for line in rest] == [
         str(oven),
         "network evaluations: structure 2, latent 3",
