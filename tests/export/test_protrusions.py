@@ -136,6 +136,30 @@ def test_handles_leave_a_shape_for_every_part(budget, apart):
     assert sum(s.stands_out for body in light for s in body.shapes) == apart
 
 
+def slanted() -> ArticulatedObject:
+    """A board on four legs that slant outwards."""
+    centers = (np.indices((LATTICE,) * 3) + 0.5) / LATTICE - 0.5
+    x, y, z = centers
+    full = (abs(x) < 0.4) & (abs(y) < 0.4) & (z > 0.0) & (z < 0.06)
+    out = 0.28 + 0.3 * -z
+    for a in (-1, 1):
+        for b in (-1, 1):
+            near = (abs(x - a * out) < 0.02) & (abs(y - b * out) < 0.02)
+            full |= near & (z <= 0.01) & (z > -0.4)
+    return ArticulatedObject((Part("base", rough(full)),), from_voxels=True)
+
+
+@pytest.mark.parametrize("collision", ["merged", "boxes"])
+def test_slanted_legs_reach_the_ground(collision):
+    obj = slanted()
+    mesh = obj.parts[0].mesh
+    bodies = make_bodies(obj, [mesh], collision=collision)
+    assert all(isinstance(s, Box) for s in bodies[0].shapes) == (collision == "boxes")
+    np.testing.assert_allclose(lowest(bodies[0].shapes), mesh.bounds[0, 2], atol=1e-3)
+    light = within_budget(obj, bodies, [mesh], boxes=collision == "boxes")
+    np.testing.assert_allclose(lowest(light[0].shapes), mesh.bounds[0, 2], atol=0.01)
+
+
 def test_walls_on_the_ground_are_no_feet():
     walls = [((-0.2, 0.2), (y, y + 0.03), (-0.45, 0.4)) for y in (-0.3, 0.27)]
     top = ((-0.2, 0.2), (-0.3, 0.3), (0.38, 0.42))

@@ -37,5 +37,6 @@ def test_what_nobody_knows_is_a_metre():
     assert typical_size("Storage Furniture") == parse_size("storagefurniture") == 1.25
     pane = trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [1, 0, 2], [0, 0, 2]], [[0, 1, 2], [0, 2, 3]])
     assert typical_scale(ArticulatedObject((Part("a", pane),)), "refrigerator") == 1.7 / 2
-    with pytest.raises(ValueError, match="--size 'huge'"):
-        parse_size("huge")
+    for text in ("huge", "2 door"):
+        with pytest.raises(ValueError, match=f"--size '{text}'"):
+            parse_size(text)

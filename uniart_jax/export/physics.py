@@ -23,7 +23,7 @@ class Box:
       rotation: [3, 3] whose columns are the box's own axes in the object frame (right-handed).
       stands_out: whether it is a leg or a handle, which is joined with no other shape while the
         budget allows it (``export.budget``).
-      optional: whether it goes where it is in another part's way (``export.protrusions``).
+      optional: whether it goes where it is in another part's way (``export.budget``).
     """
 
     center: np.ndarray

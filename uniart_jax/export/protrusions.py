@@ -162,6 +162,8 @@ def as_shapes(
     for low, high in boxes:
         missed[tuple(slice(a, b) for a, b in zip(low, high, strict=True))] = False
     found = [(low + first, high + first) for low, high in boxes]
+    if min(low[2] for low, _ in found) > cells[:, 2].min():
+        found = _slabs(cells)  # boxes that miss the end of a slanted leg
     if not hulls or missed.sum() <= (1 - HELD) * full.sum():
         return found
     corners = (cells[:, None] + np.indices((2, 2, 2)).reshape(3, -1).T).reshape(-1, 3)
@@ -169,3 +171,10 @@ def as_shapes(
     if full.sum() < FULL * hull.volume:
         return found
     return trimesh.convex.convex_hull(corners[hull.vertices])
+
+
+def _slabs(cells: np.ndarray) -> list[Place]:
+    """The boxes around ``BOXES`` layers of cells [m, 3], one above the other."""
+    layers = np.array_split(np.unique(cells[:, 2]), BOXES)
+    pieces = [cells[np.isin(cells[:, 2], layer)] for layer in layers if len(layer)]
+    return [(piece.min(0), piece.max(0) + 1) for piece in pieces]

@@ -117,7 +117,7 @@ def parse_size(text: str) -> float:
     Raises:
       ValueError: neither.
     """
-    if _key(text) in TYPICAL:
+    if _key(text) in TYPICAL and not re.search(r"\d", text):
         return TYPICAL[_key(text)]
     try:
         size = float(text)

@@ -123,15 +123,19 @@ class Cells:
         found: list[Shape] = []
         for cells in protrusions(self.fine[k], boxes):
             bottom = self.corner[2] + cells[:, 2].min() / FINE * self.side
-            optional = not self.fine[k].root or bottom > self.ground + self.side
+            root = self.fine[k].root
+            optional = not (root and bottom <= self.ground + self.side)
             held = as_shapes(cells, cover, self.hulls)
             if isinstance(held, trimesh.Trimesh):
-                points = (self.corner + held.vertices / FINE * self.side) @ pose[:3, :3].T
-                metric = trimesh.Trimesh((points + pose[:3, 3]) * scale, held.faces)
+                points = self.corner + held.vertices / FINE * self.side
+                if not optional:  # it stands on the ground
+                    points[points[:, 2] <= points[:, 2].min() + GAP * self.side, 2] = self.ground
+                points = points @ pose[:3, :3].T + pose[:3, 3]
+                metric = trimesh.convex.convex_hull(points * scale)
                 found.append(Hull(metric, stands_out=True, optional=optional))
                 continue
             for low, high in held:
-                box = self._box(low / FINE, high / FINE, pose, scale, self.fine[k].root)
+                box = self._box(low / FINE, high / FINE, pose, scale, root)
                 found.append(dataclasses.replace(box, stands_out=True, optional=optional))
         return found
 
