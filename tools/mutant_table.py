@@ -61,7 +61,8 @@ MUTANTS = (
         FRONTS,
         "_trim(field, part, drawer, plane, depth)\n    return",
         "return",
-        "tests/voxels/cleanup/test_drawers.py::test_nothing_stands_out_from_the_edges_of_a_drawers_front",
+        "tests/voxels/cleanup/test_drawers.py"
+        "::test_nothing_stands_out_from_the_edges_of_a_drawers_front",
     ),
     Mutant(
         ROOMS,
@@ -123,13 +124,15 @@ MUTANTS = (
         "uniart_jax/voxels/cleanup/layout_legs.py",
         "far & (before > FEW * after)",
         "far & (before > 9 * after)",
-        "tests/voxels/cleanup/test_layout_legs.py::test_a_board_within_a_body_that_is_drawn_to_the_floor_is_not_where_it_begins",
+        "tests/voxels/cleanup/test_layout_legs.py"
+        "::test_a_board_within_a_body_that_is_drawn_to_the_floor_is_not_where_it_begins",
     ),
     Mutant(
         "uniart_jax/voxels/cleanup/layout_legs.py",
         "np.minimum(tops + max(end - told, 0), end)",
         "np.minimum(tops + end - told, end)",
-        "tests/voxels/cleanup/test_layout_legs.py::test_a_leg_that_is_told_short_stays_where_the_others_are_told_too_long",
+        "tests/voxels/cleanup/test_layout_legs.py"
+        "::test_a_leg_that_is_told_short_stays_where_the_others_are_told_too_long",
     ),
     Mutant(
         "uniart_jax/inference/certainty.py",
@@ -166,7 +169,8 @@ MUTANTS = (
         LAYOUT_BOARDS,
         "    _joined(placed)\n",
         "",
-        "tests/voxels/cleanup/test_layout_boards.py::test_boards_that_hang_in_the_air_reach_the_door",
+        "tests/voxels/cleanup/test_layout_boards.py"
+        "::test_boards_that_hang_in_the_air_reach_the_door",
     ),
     Mutant(
         LAYOUT_BOARDS,
@@ -224,7 +228,8 @@ MUTANTS = (
         "uniart_jax/training/panel_loss.py",
         "counts = jnp.where(share >= TRUSTED, counts, -1)",
         "",
-        "tests/training/test_panel_loss.py::test_boards_that_are_little_of_a_part_pay_for_the_share",
+        "tests/training/test_panel_loss.py"
+        "::test_boards_that_are_little_of_a_part_pay_for_the_share",
     ),
     Mutant(
         SCENES,
@@ -337,7 +342,8 @@ MUTANTS = (
         "uniart_jax/training/flow_losses.py",
         "weights.decoded_structure * (",
         "0 * (",
-        "tests/models/test_occupancy_refiner.py::test_the_flow_learns_from_what_its_sample_decodes_to",
+        "tests/models/test_occupancy_refiner.py"
+        "::test_the_flow_learns_from_what_its_sample_decodes_to",
     ),
     Mutant(
         "uniart_jax/voxels/isosurface.py",
@@ -455,7 +461,8 @@ MUTANTS = (
         "uniart_jax/evaluation/appearance.py",
         "[row[column] for row in rows]",
         "[row[column] for row in rows[1:]]",
-        "tests/evaluation/test_psnr.py::test_articulated_figures_are_the_mean_of_five_states_and_rest_is_one_of_them",
+        "tests/evaluation/test_psnr.py"
+        "::test_articulated_figures_are_the_mean_of_five_states_and_rest_is_one_of_them",
     ),
     Mutant("uniart_jax/flow/guidance.py", "cond(inside(t).any(), ", "cond(t >= 0, ", INTERVAL),
     Mutant("uniart_jax/flow/guidance.py", "(t <= interval[1])", "(t <= 1)", INTERVAL),

@@ -238,3 +238,11 @@ def test_a_slanted_leg_is_a_hull_and_a_straight_one_a_box():
     found = as_shapes(slanted, cover)
     assert isinstance(found, trimesh.Trimesh) and found.is_convex
     assert isinstance(as_shapes(slanted, cover, hulls=False), list)
+
+
+def test_boxes_of_a_foot_reach_its_end():
+    cells = np.argwhere(np.ones((4, 4, 30), bool))
+    upper = lambda *_: [(np.array([1, 1, 11]), np.array([5, 5, 31]))]  # noqa: E731
+    for foot, low in ((False, 10), (True, 0)):
+        found = as_shapes(cells, upper, hulls=False, foot=foot)
+        assert min(box[0][2] for box in found) == low

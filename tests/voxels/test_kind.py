@@ -11,7 +11,7 @@ from uniart_jax import procedural
 from uniart_jax.data.layouts import shown_object
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.procedural import HELD_OUT_SEED, SEEN_FAMILIES
-from uniart_jax.voxels.kind import MOVING, NAMELESS, Kind, KindTable, features, kind_of, part_kinds
+from uniart_jax.voxels.kind import MOVING, NAMELESS, Kind, KindTable, features, joint_kinds, kind_of
 from uniart_jax.voxels.layout import Layout
 
 ROOT = Path(__file__).parents[2]
@@ -89,7 +89,7 @@ def test_parts_are_named_by_what_they_do():
         Joint([0, 0, 0], axis, angle=(0, 2), travel=(0, 0.1)),
     )
     layout = Layout(boxes, joints, (-1, 0, 0, 0, 0, 0), np.zeros((6, 3)), np.ones(6))
-    assert part_kinds(layout) == ["base", "fixed", "knob", "hinge", "slider", "screw"]
+    assert joint_kinds(layout) == ["base", "fixed", "knob", "hinge", "slider", "screw"]
     np.testing.assert_allclose(features(layout)[MOVING], np.log(2))  # one of each
     one = dataclasses.replace(layout, boxes=boxes[:1], joints=joints[:1], parents=(-1,))
     assert np.isfinite(features(one)).all() and len(features(one)) == len(features(layout))

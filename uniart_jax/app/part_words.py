@@ -9,7 +9,7 @@ import numpy as np
 from uniart_jax.export.page import part_color
 from uniart_jax.export.part_kinds import part_kinds
 from uniart_jax.objects.kinematics import Joint
-from uniart_jax.voxels.kind import part_kinds as kinds_of_boxes
+from uniart_jax.voxels.kind import joint_kinds
 from uniart_jax.voxels.layout import Layout
 
 
@@ -36,7 +36,7 @@ def read_parts(layout: Layout) -> list[ReadPart]:
 def _kinds(layout: Layout) -> list[str]:
     """[K] what each row is (``export.part_kinds``). Knobs are told by their boxes, which are never
     round (``voxels.kind``)."""
-    by_box = kinds_of_boxes(layout)
+    by_box = joint_kinds(layout)
     named = part_kinds(layout.to_object())
     return ["knob" if box == "knob" else kind for box, kind in zip(by_box, named, strict=True)]
 

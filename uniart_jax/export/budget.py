@@ -4,8 +4,8 @@ object keeps within a budget.
 Simulators with thousands of copies pay for every shape. Two shapes of a part are joined to a box or
 a hull; first those whose union changes least, and those last that would stand where another part is
 on any joint's way. So walls of a drawer, which five boxes say, stay walls, and what is cut into
-dozens of wedges becomes as coarse as the budget asks for. Legs and handles stay as
-they are (``_kept_apart``).
+dozens of wedges becomes as coarse as the budget asks for. Legs and handles stay as they are while
+the budget allows it (``_kept_apart``).
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from uniart_jax.export.shape_merging import Merger
 from uniart_jax.export.volume_error import corners_of, half_spaces, is_open, volume_error
 from uniart_jax.objects.object import ArticulatedObject
 
+Shapes = tuple[Shape, ...]  # of a part
 PART_MOST = 16  # convex shapes a part
 STATES = 7  # of a joint's range, at which other parts are looked up ...
 FINE_STATES = 17  # ... and at which legs and handles are tried
@@ -90,9 +91,6 @@ def within_budget(
             error = volume_error(mesh, shapes, parts[k].given if is_open(mesh) else None)
             out[k] = dataclasses.replace(out[k], shapes=shapes, volume_error=error)
     return tuple(out)
-
-
-Shapes = tuple[Shape, ...]
 
 
 def _split(shapes: Shapes) -> tuple[Shapes, Shapes]:

@@ -50,7 +50,8 @@ WITHIN = 0.02  # of that side, that what is inside may reach beyond the body
 
 def part_kinds(obj: ArticulatedObject) -> list[str]:
     """[K] words; "base" of the root."""
-    moved, boxes = obj.forward_kinematics(obj.rest()), bounds_at(obj, obj.rest())
+    rest = obj.rest()
+    moved, boxes = obj.forward_kinematics(rest), bounds_at(obj, rest)
     plates = [k for k in range(len(obj.parts)) if _is_plate(obj, k, boxes[k], moved)]
     return [
         "base" if part.parent < 0 else _kind(obj, k, boxes, plates, moved)

@@ -145,14 +145,17 @@ def _pieces(fine: Fine, left: np.ndarray, held: np.ndarray, out: int) -> list[np
 
 
 def as_shapes(
-    cells: np.ndarray, cover: Callable[..., list[Place]], hulls: bool = True
+    cells: np.ndarray,
+    cover: Callable[..., list[Place]],
+    hulls: bool = True,
+    foot: bool = False,
 ) -> list[Place] | trimesh.Trimesh:
     """A protrusion's cells [m, 3] as a few boxes, or as their hull (in cells) where boxes do not
     hold it, as of a slanted leg.
 
     Args:
       cover: boxes that hold cells [a, b, c] and some others, best first (``voxel_boxes.cover``).
-      hulls: whether it may be a hull.
+      hulls: whether it may be a hull. foot: whether boxes have to reach its lowest cells.
     """
     first = cells.min(0) - 1
     full = np.zeros(cells.max(0) - first + 2, bool)
@@ -162,8 +165,8 @@ def as_shapes(
     for low, high in boxes:
         missed[tuple(slice(a, b) for a, b in zip(low, high, strict=True))] = False
     found = [(low + first, high + first) for low, high in boxes]
-    if min(low[2] for low, _ in found) > cells[:, 2].min():
-        found = _slabs(cells)  # boxes that miss the end of a slanted leg
+    if foot and min(low[2] for low, _ in found) > cells[:, 2].min():
+        found = _slabs(cells)  # they miss the end of a slanted leg
     if not hulls or missed.sum() <= (1 - HELD) * full.sum():
         return found
     corners = (cells[:, None] + np.indices((2, 2, 2)).reshape(3, -1).T).reshape(-1, 3)

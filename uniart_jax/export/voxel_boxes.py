@@ -125,7 +125,7 @@ class Cells:
             bottom = self.corner[2] + cells[:, 2].min() / FINE * self.side
             root = self.fine[k].root
             optional = not (root and bottom <= self.ground + self.side)
-            held = as_shapes(cells, cover, self.hulls)
+            held = as_shapes(cells, cover, self.hulls, foot=not optional)
             if isinstance(held, trimesh.Trimesh):
                 points = self.corner + held.vertices / FINE * self.side
                 if not optional:  # it stands on the ground

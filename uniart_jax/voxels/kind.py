@@ -127,7 +127,7 @@ def _short(value: float, digits: int) -> float | int:
     return int(rounded) if rounded == int(rounded) else rounded
 
 
-def part_kinds(layout: Layout) -> list[str]:
+def joint_kinds(layout: Layout) -> list[str]:
     """[K] "base", "fixed", "slider", "knob", "screw" or "hinge"."""
     names = {"fixed": "fixed", "prismatic": "slider", "screw": "screw"}
     rows = zip(layout.joints, layout.boxes, layout.parents, strict=True)
@@ -168,7 +168,7 @@ def features(layout: Layout) -> np.ndarray:
     turn = np.array([joint.angle[1] - joint.angle[0] for joint in layout.joints])
     slide = np.array([joint.travel[1] - joint.travel[0] for joint in layout.joints])
     root = int(np.argmax(parents < 0))
-    found = np.array(part_kinds(layout))
+    found = np.array(joint_kinds(layout))
     are = {kind: found == kind for kind in ("fixed", "slider", "screw", "knob", "hinge")}
     deep = (parents >= 0) & (parents != root)
     values = [*np.log(extent), *size[root], *place[root]]
