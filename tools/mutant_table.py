@@ -673,6 +673,24 @@ MUTANTS = (
         "tests/export/test_protrusions.py::test_handles_leave_a_shape_for_every_part",
     ),
     Mutant(
+        "uniart_jax/export/box_growth.py",
+        "np.int64(-filled.size)",
+        "np.int64(0)",
+        "tests/export/test_box_growth.py::test_one_cell_that_is_not_allowed_stops_a_layer",
+    ),
+    Mutant(
+        "uniart_jax/export/box_growth.py",
+        "int(shut[below - 1]) + 1 if below else 0",
+        "low[axis]",
+        "tests/export/test_box_growth.py::test_a_box_grows_as_far_as_every_layer_allows",
+    ),
+    Mutant(
+        "uniart_jax/export/preview.py",
+        "np.arctan2(code[0], code[1])",
+        "np.arctan2(code[1], code[0])",
+        "tests/export/test_preview.py::test_a_known_camera_is_the_view",
+    ),
+    Mutant(
         "uniart_jax/export/protrusions.py",
         "self.visible & (far >= reach)",
         "self.visible",

@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from uniart_jax.data.cameras import camera_codes
 from uniart_jax.export import preview
 from uniart_jax.export.preview import (
     DEFAULT_VIEW,
     TILE,
     choose_view,
     read_image,
+    view_of_code,
     write_motion,
     write_preview,
 )
@@ -36,6 +38,16 @@ def test_the_view_is_that_of_the_image(shown, azimuth):
     view = choose_view(shown, picture(shown, azimuth, 22))
     assert abs(np.rad2deg(view.azimuth) - azimuth) <= 10
     assert abs(np.rad2deg(view.elevation) - 22) <= 14
+
+
+@pytest.mark.parametrize(("azimuth", "elevation"), [(-140.0, -20.0), (35.0, 60.0)])
+def test_a_known_camera_is_the_view(azimuth, elevation):
+    angles, image = np.deg2rad([azimuth, elevation]), np.full((1, 8, 8, 4), 255, np.uint8)
+    (code,) = camera_codes(np.array([[*angles, 35, 2]]), image)
+    view = view_of_code(code)
+    assert np.allclose([view.azimuth, view.elevation], angles, atol=1e-6)
+    assert view.fov_degrees == DEFAULT_VIEW.fov_degrees
+    assert np.rad2deg(view_of_code(np.array([0, 1, 1.7, 1, 1, 0, 0])).elevation) < 90
 
 
 def test_a_large_image_is_looked_at_small(shown, monkeypatch):

@@ -19,7 +19,6 @@ from uniart_jax.export.physics import Box, Hull
 from uniart_jax.export.voxel_boxes import (
     CELLS,
     ENOUGH,
-    _Counts,
     as_cells,
     cover,
     is_rough,
@@ -36,18 +35,6 @@ def rough(solid: np.ndarray, seed: int = 0) -> trimesh.Trimesh:
     field = np.where(solid, -1.0, 1.0) * np.random.default_rng(seed).uniform(0.1, 1, solid.shape)
     vertices, faces, _, _ = measure.marching_cubes(np.pad(field, 1, constant_values=1.0), 0.0)
     return trimesh.Trimesh((vertices - 0.5) / len(solid) - 0.5, faces, process=False)
-
-
-@given(st.integers(0, 1000))
-@settings(max_examples=20, deadline=None)
-def test_counts_in_boxes_are_sums(seed):
-    rng = np.random.default_rng(seed)
-    cells = rng.random(rng.integers(1, 7, 3)) < 0.5
-    counts = _Counts(cells)
-    low = [int(rng.integers(0, n)) for n in cells.shape]
-    high = [int(rng.integers(a + 1, n + 1)) for a, n in zip(low, cells.shape, strict=True)]
-    assert counts.shape == cells.shape
-    assert counts(low, high) == cells[tuple(map(slice, low, high))].sum()
 
 
 def block(*ranges: tuple[float, float]) -> np.ndarray:

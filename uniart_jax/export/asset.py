@@ -45,6 +45,7 @@ from uniart_jax.export.placement import check_origin, moved_bodies, moved_surfac
 from uniart_jax.export.preview import (
     choose_view,
     read_image,
+    view_of_code,
     with_meshes,
     write_motion,
     write_preview,
@@ -193,7 +194,8 @@ def save_asset(
             checking = None if check is None else beside_pictures.submit(check, target)
             textured = [surface.textured(atlas.texture) for surface in atlas.surfaces]
             shown = with_meshes(obj, textured).normalized()
-            view = choose_view(shown, beside)
+            camera = None if picture is None else picture.camera
+            view = choose_view(shown, beside) if camera is None else view_of_code(camera)
             write_preview(shown, target / "preview.png", beside, view)
             if motion:
                 write_motion(shown, target / "motion.gif", view)

@@ -8,6 +8,7 @@ import igl
 import numpy as np
 from manifold3d import Manifold
 
+from uniart_jax.export.box_growth import Layers, grow
 from uniart_jax.export.convex_split import Surface, triangles
 
 BOX_BUDGET = 64  # boxes a solid; more means that it is not built of boxes
@@ -94,13 +95,13 @@ def box_cover(surface: Surface) -> list[Manifold]:
     full = (np.abs(np.asarray(winding)) > 0.5).reshape(shape)
     sizes = [np.diff(e) for e in edges]
     volume = sizes[0][:, None, None] * sizes[1][None, :, None] * sizes[2][None, None, :]
-    left = full.copy()
+    layers, left = Layers(full, full), full.copy()
     boxes: list[tuple[np.ndarray, np.ndarray]] = []
     while left.any():
         if len(boxes) == BOX_BUDGET:
             return []
-        seed = np.unravel_index(np.argmax(np.where(left, volume, 0)), shape)
-        grown = [_grow(full, seed, order) for order in itertools.permutations(range(3))]
+        seed = np.argwhere(left)[volume[left].argmax()]
+        grown = [grow(layers, seed, order) for order in itertools.permutations(range(3))]
         cells = max(grown, key=lambda g: float((volume[g] * left[g]).sum()))
         left[cells] = False
         lo = np.array([edges[a][cells[a].start] for a in range(3)])
@@ -188,22 +189,3 @@ def _planes(
     least = PLANE_AREA * float(areas.sum())
     inner = [float(np.average(where[g], weights=area[g])) for g in groups if area[g].sum() > least]
     return np.array([lo, *(x for x in inner if lo + gap / 4 < x < hi - gap / 4), hi])
-
-
-def _grow(solid: np.ndarray, seed: tuple, order: tuple[int, ...]) -> tuple[slice, ...]:
-    """The box of solid cells grown from ``seed`` as far as it goes, one axis after the other."""
-    lo, hi = list(seed), [s + 1 for s in seed]
-
-    def filled(axis: int, index: int) -> bool:
-        if not 0 <= index < solid.shape[axis]:
-            return False
-        cells = [slice(a, b) for a, b in zip(lo, hi, strict=True)]
-        cells[axis] = slice(index, index + 1)
-        return bool(solid[tuple(cells)].all())
-
-    for axis in order:
-        while filled(axis, lo[axis] - 1):
-            lo[axis] -= 1
-        while filled(axis, hi[axis]):
-            hi[axis] += 1
-    return tuple(slice(a, b) for a, b in zip(lo, hi, strict=True))

@@ -1,9 +1,9 @@
 """Pictures of an asset: the input image beside the object at rest, open, and as coloured parts with
 their joint axes; and its motion.
 
-All tiles share one view. If the input image has transparency, the view is the one whose silhouette
-and colours at the shown state match it best, since generated objects stand in a canonical frame and
-the image's camera is not part of them.
+All tiles share one view: of the input image's camera where it is known. Else, if the image has
+transparency, it is the one whose silhouette and colours at the shown state match it best, since
+generated objects stand in a canonical frame.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ BACKGROUND = (244, 244, 246)
 INK = (70, 72, 80)
 _tile = functools.partial(picture, background=BACKGROUND)
 DEFAULT_VIEW = Camera(azimuth=np.deg2rad(-32), elevation=np.deg2rad(20), fov_degrees=30)
+STEEPEST = np.deg2rad(85)  # elevation
 MARGIN = 1.08  # frame over object
 MATCH_SIZE = 48  # pixels a side of the pictures that are compared
 SEARCH_SIZE = 256  # pixels a side, at most, of the input image that they are cut from
@@ -34,9 +35,15 @@ MOTION_FRAMES = 10  # from rest to open; played forth and back
 MOTION_SECONDS = 2.4
 
 
+def view_of_code(code: np.ndarray) -> Camera:
+    """The direction that a camera code [7] (``voxels.camera_code``) looks from."""
+    elevation = float(np.clip(code[2], -STEEPEST, STEEPEST))
+    return Camera(np.arctan2(code[0], code[1]), elevation, DEFAULT_VIEW.fov_degrees)
+
+
 def choose_view(obj: ArticulatedObject, image: Image.Image | None) -> Camera:
-    """The direction to look from: the input image's if it has transparency, else from the front
-    left and above.
+    """The direction to look from where no camera is known: the input image's if it has
+    transparency, else from the front left and above.
 
     Coarse search over the view directions that training images have; both pictures are cropped to
     their silhouettes, so that distance and framing do not matter.

@@ -18,6 +18,7 @@ import numpy as np
 import trimesh
 from scipy import ndimage
 
+from uniart_jax.export.box_growth import Layers, grow
 from uniart_jax.export.part_kinds import is_knob
 from uniart_jax.export.physics import Box, Hull, Shape
 from uniart_jax.export.protrusions import FINE, Fine, Place, as_shapes, fine_cells, protrusions
@@ -34,7 +35,6 @@ CELLS = 64  # along the object's longest side
 # (boxes a part, share of its cells that no box need hold): the second where the first do not
 # suffice, as for bowls and slanted plates
 ENOUGH = ((64, 0.02), (256, 0.08))
-FILLED = 0.5  # of the cells of a layer by which a box grows, that must be the part's
 SEEDS = 24  # cells that boxes are grown from, for each that is kept
 LEAST_CELLS = 3  # a part with fewer gets all cells that its corners are in
 GAP = 0.0015  # of the longest side, between the boxes of neighbours
@@ -281,12 +281,12 @@ def cover(
     full, allowed = full[place], (full | spare)[place]
     rng, orders = np.random.default_rng(0), list(itertools.permutations(range(3)))
     left = full.copy()
-    filled, closed = _Counts(full), _Counts(~allowed)
+    layers = Layers(full, allowed)
     boxes, grown = [], []
     while any(len(boxes) < most and left.sum() > share * len(cells) for most, share in enough):
         seeds = rng.permutation(np.argwhere(left))[:SEEDS]
         for seed in seeds:
-            grown += [_grow(filled, closed, seed, orders[i]) for i in rng.permutation(6)[:2]]
+            grown += [grow(layers, seed, orders[i]) for i in rng.permutation(6)[:2]]
         gain = [int(left[box].sum()) for box in grown]
         order = np.argsort(gain, kind="stable")[::-1]
         best = grown[order[0]]
@@ -294,56 +294,3 @@ def cover(
         boxes.append((low + [s.start for s in best], low + [s.stop for s in best]))
         grown = [grown[i] for i in order[1 : 2 * SEEDS]]  # good ones are tried again
     return boxes
-
-
-class _Counts:
-    """How many of some cells [a, b, c] bool are in a box, by their sums up to every corner (Crow,
-    "Summed-area tables for texture mapping", SIGGRAPH 1984).
-
-    Attributes:
-      shape: of the cells.
-    """
-
-    def __init__(self, cells: np.ndarray):
-        self.shape = cells.shape
-        sums = np.pad(cells, ((1, 0),) * 3).astype(np.int64)
-        for axis in range(3):
-            sums = sums.cumsum(axis)
-        self._table = sums.ravel().tolist()  # single elements of an array are slow to read
-
-    def __call__(self, low: list[int], high: list[int]) -> int:
-        table, (rows, columns) = self._table, (self.shape[1] + 1, self.shape[2] + 1)
-        a, b = ((low[0] * rows + y) * columns for y in (low[1], high[1]))
-        c, d = ((high[0] * rows + y) * columns for y in (low[1], high[1]))
-        first, last = low[2], high[2]
-        upto = table[d + last] - table[c + last] - table[b + last] + table[a + last]
-        return upto - table[d + first] + table[c + first] + table[b + first] - table[a + first]
-
-
-def _grow(
-    filled: _Counts, closed: _Counts, seed: np.ndarray, order: tuple[int, ...]
-) -> tuple[slice, ...]:
-    """The box around a cell, a layer at a time, in every direction that is open."""
-    low, high = [int(s) for s in seed], [int(s) + 1 for s in seed]
-
-    def open_at(axis: int, index: int) -> bool:
-        if not 0 <= index < filled.shape[axis]:
-            return False
-        first, last = low.copy(), high.copy()
-        first[axis], last[axis] = index, index + 1
-        if closed(first, last):
-            return False
-        cells = (last[0] - first[0]) * (last[1] - first[1]) * (last[2] - first[2])
-        return filled(first, last) >= FILLED * cells
-
-    growing = True
-    while growing:
-        growing = False
-        for axis in order:
-            while open_at(axis, low[axis] - 1):
-                low[axis] -= 1
-                growing = True
-            while open_at(axis, high[axis]):
-                high[axis] += 1
-                growing = True
-    return tuple(slice(a, b) for a, b in zip(low, high, strict=True))

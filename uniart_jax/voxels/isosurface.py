@@ -184,11 +184,19 @@ def simplify(mesh: trimesh.Trimesh, cell: float, budget: int) -> trimesh.Trimesh
         tries.append(last)
         if len(last.tri_verts) <= budget:
             break
+    volume = signed_volume(mesh)
     for out in reversed(tries):  # to look at every try would double the time
         simple = _to_trimesh(out, cell)
-        if simple is not None and 0.7 < simple.volume / mesh.volume < 1.4:
+        if simple is not None and 0.7 < signed_volume(simple) / volume < 1.4:
             return simple
     return mesh
+
+
+def signed_volume(mesh: trimesh.Trimesh) -> float:
+    """The volume of a closed mesh, as ``mesh.volume``, without its centre of mass and inertia: a
+    tenth of the time."""
+    a, b, c = np.moveaxis(mesh.triangles, 1, 0)
+    return float(np.einsum("fc,fc->", a, np.cross(b, c)) / 6)
 
 
 def _grouped(mesh: manifold3d.Mesh64, step: int | None) -> manifold3d.Mesh64:

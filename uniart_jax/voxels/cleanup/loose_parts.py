@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from uniart_jax.objects.kinematics import subtrees
 from uniart_jax.objects.object import ArticulatedObject, Part
 from uniart_jax.voxels.grid import connected, dilated
-from uniart_jax.voxels.isosurface import DenseField
+from uniart_jax.voxels.isosurface import DenseField, signed_volume
 
 # of the longest side: a part of next to no volume that is farther from all others is a speck
 DISTANCE = 0.02
@@ -39,8 +39,7 @@ def without_debris(obj: ArticulatedObject) -> ArticulatedObject:
         apart.
     """
     size = float(np.ptp(obj.bounds, axis=0).max())
-    with np.errstate(all="ignore"):  # a flat part has no centre of mass
-        volume = np.array([abs(part.mesh.volume) for part in obj.parts])
+    volume = np.array([abs(signed_volume(part.mesh)) for part in obj.parts])
     kept = list(range(len(obj.parts)))
     for k in reversed(range(1, len(obj.parts))):  # children stand behind their parents
         carries = any(obj.parts[i].parent == k for i in kept)
