@@ -53,7 +53,7 @@ def sample(
     check: bool = True,
     overwrite: Overwrite = False,
 ) -> int:
-    """One image in, a complete articulated object out.
+    """One image in, a complete articulated object out; or a layout without an image.
 
     A sample that fails, as where no object is found in the image, does not cost the others: exit
     code 1 if some failed, 2 if all did.
@@ -74,8 +74,8 @@ def sample(
         adaptive: Steps as long as the error allows, instead of --steps of them.
         tolerance: Of --adaptive: error that is allowed (default: the checkpoint's).
         multi_view: The images are views of one object.
-        layout: JSON of `uniart layout`, perhaps edited: the parts, joints and tree that the object
-          follows, instead of what is found in the image.
+        layout: JSON of `uniart layout`, perhaps edited, or written by hand: the parts, joints and
+          tree that the object follows, instead of what is found in the image. It needs none.
         follow: Follow a layout, where the checkpoint finds one; else parts and joints are read off
           the voxels.
         texture: Colours: "both" takes what the picture shows from the picture, and the rest as it
@@ -85,8 +85,8 @@ def sample(
         check: Try the asset in the physics engines that are installed (report.json says how it
           went).
     """
-    if not images:
-        raise ValueError("sample: give at least one image file")
+    if not images and layout is None:
+        raise ValueError("sample: give at least one image file, or --layout")
     if not 0 <= seed < 2**31:
         raise ValueError(f"sample: --seed must be in 0..{2**31 - 1}, got {seed}")
     if num_samples < 1:
@@ -102,7 +102,7 @@ def sample(
     least, most = TOLERANCES
     if tolerance is not None and not least <= tolerance <= most:
         raise ValueError(f"sample: --tolerance must be in {least:g}..{most:g}, got {tolerance:g}")
-    given = _layout(layout, follow, len(images) == 1 or multi_view)
+    given = _layout(layout, follow, len(images) <= 1 or multi_view)
     asset = output.parsed()
     from uniart_jax.data.background import check_background
     from uniart_jax.data.images import check_visible, read_image
@@ -111,9 +111,10 @@ def sample(
     for path, picture in zip(images, pictures, strict=True):
         check_visible(picture, f"image '{path}'")
         check_background(background, f"image '{path}'")
-    folders = sample_folders(images, out, num_samples, multi_view)
+    inputs = images if layout is None else (*images, layout)
+    folders = sample_folders(images or inputs, out, num_samples, multi_view)
     for folder in folders.values():
-        check_out(folder, overwrite, images)
+        check_out(folder, overwrite, inputs)
     from uniart_jax.pipeline import load
     from uniart_jax.runtime.compilation_cache import enable_compilation_cache
 
@@ -137,6 +138,8 @@ def sample(
                 (path.name, [(path, picture)])
                 for path, picture in zip(images, pictures, strict=True)
             ]
+        if layout is not None and not images:
+            groups = [(layout.name, [])]
         wanted, failed = len(groups) * num_samples, []
         for g, (name, views) in enumerate(groups):
             drawn: dict[int, Sample] = {}
@@ -145,9 +148,9 @@ def sample(
                     say(f"{name}: sample {i + 1} of {num_samples}")
                 with _noted(failed, name, seed + i, wanted):
                     drawn[i] = pipeline.sample(
-                        [path for path, _ in views],  # which messages name
+                        [path for path, _ in views] or None,  # which messages name
                         seed=seed + i,
-                        name=views[0][0].stem,
+                        name=views[0][0].stem if views else Path(name).stem,
                         layout=given,
                         background=background,
                         progress=lambda step, name=name: say(f"{name}: {step}"),

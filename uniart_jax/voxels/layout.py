@@ -130,6 +130,41 @@ class Layout:
             revolutions=tuple(self.revolutions[k] for k in rows) if self.revolutions else (),
         )
 
+    def normalized(self) -> tuple[Layout, float]:
+        """The layout in object units: the box around all parts has a longest side of 1 and its
+        middle at 0. And how long that side was."""
+        low = (self.boxes[:, :3] - self.boxes[:, 3:] / 2).min(0)
+        high = (self.boxes[:, :3] + self.boxes[:, 3:] / 2).max(0)
+        middle, side = (low + high) / 2, float((high - low).max())
+        matrix = np.diag([1 / side] * 3 + [1.0])
+        matrix[:3, 3] = -middle / side
+
+        def panels(own: Panels | None) -> Panels | None:
+            corners = np.tile(middle, 2)
+            return own and dataclasses.replace(own, boxes=(own.boxes - corners) / side)
+
+        def outline(own: Revolution | None) -> Revolution | None:
+            if own is None:
+                return None
+            center = (own.center - np.delete(middle, own.axis)) / side
+            return dataclasses.replace(own, center=center, radii=own.radii / side)
+
+        legs, across = self.legs, np.tile(middle[:2], 2)
+        if legs is not None:
+            lower, upper = (legs.lower - across) / side, (legs.upper - across) / side
+            heights = (legs.heights - middle[2]) / side
+            legs = dataclasses.replace(legs, lower=lower, upper=upper, heights=heights)
+        moved = dataclasses.replace(
+            self,
+            boxes=np.concatenate([self.boxes[:, :3] - middle, self.boxes[:, 3:]], 1) / side,
+            joints=tuple(joint.transformed(matrix) for joint in self.joints),
+            legs=legs,
+            panels=panels(self.panels),
+            boards=tuple(panels(own) for own in self.boards),
+            revolutions=tuple(outline(own) for own in self.revolutions),
+        )
+        return moved, side
+
     def rows(self, most: int) -> dict[str, np.ndarray]:
         """Boxes, codes, parents (root: its own) and colours as ``voxels.part_table`` has them, of
         the ``most`` surest parts and the root."""
@@ -202,7 +237,8 @@ class Layout:
     @staticmethod
     def from_json(text: str) -> Layout:
         """Read ``to_json``'s text; ``color``, ``confidence``, ``boards``, ``revolution``,
-        ``camera``, ``certainty``, ``legs`` and ``panels`` may be left out.
+        ``camera``, ``certainty``, ``legs`` and ``panels`` may be left out, and of a joint ``type``
+        and ``angle`` or ``travel``.
 
         Raises:
           ValueError: one line that names the row and the field.
@@ -289,7 +325,10 @@ def _joint(row: dict, parent: int | None, where: str) -> Joint:
     if parent is None:
         return Joint.fixed()
     data = _table(row, "joint", where)
-    angle, travel = (_numbers(data, name, 2, where) for name in ("angle", "travel"))
+    angle, travel = (
+        _numbers(data, name, 2, where) if name in data else np.zeros(2)
+        for name in ("angle", "travel")
+    )
     if not angle.any() and not travel.any():
         return Joint.fixed()
     direction = _numbers(data, "direction", 3, where)
