@@ -28,6 +28,7 @@ from uniart_jax.config import (
     StructureVAEConfig,
     UniArtVAEConfig,
 )
+from uniart_jax.data.layout_renders import render_layout
 from uniart_jax.inference.samplers import flow_arguments, flow_inputs, join_views, pad_coords
 from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.checkpoint_files import write_config, write_network, write_statistics
@@ -371,10 +372,29 @@ def test_a_checkpoint_names_all_that_it_lacks_and_reads_gaussians_late(trellis, 
 
 def test_an_object_is_as_large_as_its_kind_usually_is():
     box = ArticulatedObject((Part("base", trimesh.creation.box((0.5, 0.6, 1.0))),))
-    for named, scale, why in (
-        (True, 0.9, "usual of its kind (oven)"),
-        (False, 1.0, "does not tell"),
+    for named, side, scale, why in (
+        (True, 1.0, 0.9, "usual of its kind (oven)"),
+        (False, 1.0, 1.0, "does not tell"),
+        (True, 1.3, 1.3, "by the layout's lengths"),
     ):
-        obj = _sized(box, Kind("oven", 0.9, named))
+        obj = _sized(box, Kind("oven", 0.9, named), side)
         assert obj.scale == scale and f"{scale:.2f} m" in obj.provenance[-1]
         assert why in obj.provenance[-1]
+
+
+def test_a_layout_needs_no_image(pipeline, monkeypatch):
+    with pytest.raises(ValueError, match="give an image, a layout, or both"):
+        pipeline()
+    picture, camera = render_layout(layout := make_layout(0.0).normalized()[0])
+    seen = []
+    monkeypatch.setattr(
+        "uniart_jax.pipeline.encode_views",
+        lambda networks, pixels, found, *options: seen.append((pixels, found)) or 1 / 0,
+    )
+    metres = dataclasses.replace(layout, boxes=3 * layout.boxes + np.array([5, 0, 1, 0, 0, 0]))
+    with pytest.raises(ZeroDivisionError):
+        pipeline(layout=metres)
+    ((pixels, found),) = seen
+    np.testing.assert_allclose(found.boxes, layout.boxes, atol=1e-9)
+    np.testing.assert_allclose(found.camera, camera, atol=1e-6)
+    np.testing.assert_allclose(pixels[0], pipeline.prepare(picture), atol=0.02)

@@ -269,7 +269,7 @@ class Looker(Finder):
         self.shown, self.fails = [], fails
 
     def sample(self, image, *, seed, **options):
-        self.shown.append(([float(read_image(path).mean()) for path in image], seed))
+        self.shown.append(([float(read_image(path).mean()) for path in image or ()], seed))
         if len(self.shown) in self.fails:
             raise IndexError("list index out of range")
         return super().sample(image, seed=seed, **options)
@@ -301,6 +301,20 @@ def test_each_image_is_an_object_of_its_own_unless_they_are_views(
     else:
         assert [len(m) for m in means] == [1, 1] and means[0][0] < means[1][0]
         assert all((out / name / "sample-0/object.urdf").is_file() for name in ("dark", "light"))
+
+
+def test_a_layout_goes_without_an_image(tmp_path, monkeypatch, refused):
+    looker, out = Looker(), tmp_path / "out"
+    monkeypatch.setattr("uniart_jax.pipeline.load", lambda checkpoint: looker)
+    desk = ROOT / "examples/layouts/desk.json"
+    sample_command((), out, layout=desk, check=False, refine=False, output=URDF_ALONE)
+    assert looker.shown == [([], 0)] and (out / "object.urdf").is_file()
+    assert "give at least one image file, or --layout" in refused("--out", out)
+    held = tmp_path / "held"
+    held.mkdir()
+    (held / "own.json").write_text(desk.read_text())
+    said = refused("--out", held, "--layout", held / "own.json", "--overwrite")
+    assert "own.json" in said and (held / "own.json").is_file()
 
 
 def test_a_bug_in_one_sample_does_not_cost_the_others(tmp_path, monkeypatch, two_images, capsys):

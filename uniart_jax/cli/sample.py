@@ -164,7 +164,7 @@ def sample(
                     one.obj.save(
                         folders[g, i],
                         **asset,
-                        image=one.cut[0] if one.cut else views[0][1],
+                        image=next(iter((*one.cut, *(picture for _, picture in views))), None),
                         picture=one.picture if texture == "both" else None,
                         seed=seed + i,
                         checkpoint=checkpoint,
