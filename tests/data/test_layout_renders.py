@@ -118,3 +118,19 @@ def test_an_outline_is_turned_about_its_axis(axis):
     wide = np.abs(mesh.vertices[:, axis] - (box[axis] - 0.2)) < 1e-9  # its lower end
     away = np.linalg.norm(np.delete(mesh.vertices[wide], axis, 1) - center, axis=1)
     assert away.max() == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(
+    ("joint", "sides", "disc"),
+    [
+        (Joint((-0.3, 0.1, 0.2), (-1, 0, 0), angle=(0, 4)), (0.1, 0.1), True),
+        (Joint((-0.3, 0.1, 0.2), (-1, 0, 0), angle=(0, 4)), (0.1, 0.2), False),
+        (Joint((-0.3, 0.14, 0.2), (-1, 0, 0), angle=(0, 4)), (0.1, 0.1), False),
+        (Joint((-0.3, 0.1, 0.2), (-1, 0, 0), travel=(0, 0.1)), (0.1, 0.1), False),
+    ],
+)
+def test_what_turns_about_its_middle_is_round(joint, sides, disc):
+    one = layout([-0.3, 0.1, 0.2, 0.05, *sides], joints=(joint,))
+    part = solids(one).parts[1].mesh
+    box = 0.05 * sides[0] * sides[1]
+    assert part.volume == pytest.approx(box * (np.pi / 4 if disc else 1), rel=0.01)

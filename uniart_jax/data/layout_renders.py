@@ -10,6 +10,7 @@ import trimesh
 
 from uniart_jax.data.cameras import camera_codes
 from uniart_jax.objects.appearance import linear_to_srgb
+from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
 from uniart_jax.visual.render import Camera, fit, render
 from uniart_jax.voxels.closed_pose import closing_of, undone
@@ -22,6 +23,8 @@ SIDE = 512  # pixels
 VIEW = Camera(azimuth=np.deg2rad(-32), elevation=np.deg2rad(20), fov_degrees=30)
 MARGIN = 1.15  # frame over object
 FLUSH = 0.02  # object units between faces of a moving part and of the body that count as one face
+ROUND = 0.8  # of a disc's width, that its height is at least; its axis lies as near to its middle
+STRAIGHT = 0.95  # cosine of a disc's axis and the box's
 PROUD = 0.008  # object units by which the moving part's stands out, to be seen
 
 
@@ -52,7 +55,7 @@ def solids(layout: Layout) -> ArticulatedObject:
             meshes = _boxes(boards.boxes)
             for mesh in meshes:
                 mesh.apply_transform(np.vstack([shown[k], [0, 0, 0, 1]]))
-        elif outline is not None:
+        elif outline is not None or (outline := _disc(layout.joints[k], box)) is not None:
             meshes = [_turned(outline, box)]
         else:
             meshes = _boxes([_proud(_corners(box), _corners(layout.boxes[root]))])
@@ -99,6 +102,18 @@ def _legs(legs: Legs) -> list[trimesh.Trimesh]:
         points = [[x, y, z] for r, z in ends for x in (r[0], r[2]) for y in (r[1], r[3])]
         meshes.append(trimesh.convex.convex_hull(np.array(points)))
     return meshes
+
+
+def _disc(joint: Joint, box: np.ndarray) -> Revolution | None:
+    """The cylinder in a box that turns about its own middle and is as wide as it is high, as knobs
+    and turntables are; else None."""
+    axis = int(np.abs(joint.direction).argmax())
+    across = [i for i in range(3) if i != axis]
+    sides, beside = box[3:][across], np.abs(joint.origin - box[:3])[across]
+    round_ = sides.min() > ROUND * sides.max() and beside.max() < (1 - ROUND) * sides.min()
+    if not joint.rotates or abs(joint.direction[axis]) < STRAIGHT or not round_:
+        return None
+    return Revolution(axis, box[:3][across], np.full(2, sides.min() / 2))
 
 
 def _turned(outline: Revolution, box: np.ndarray) -> trimesh.Trimesh:
