@@ -6,14 +6,20 @@ import json
 
 import numpy as np
 import pytest
+import yourdfpy
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from uniart_jax import procedural
 from uniart_jax.objects.kinematics import Joint
+from uniart_jax.voxels.follow import assemble_layout
 from uniart_jax.voxels.layout import Layout
 from uniart_jax.voxels.leg_table import Legs
 from uniart_jax.voxels.panel_table import Panels
 from uniart_jax.voxels.revolution_table import Revolution, revolution_rows
+from uniart_jax.voxels.voxelize import voxelize
+
+SLIDE = {"origin": [0, 0, 0], "direction": [-2, 0, 0], "travel": [0, 0.3]}
 
 
 def similar(layout: Layout, side: float, by: np.ndarray) -> Layout:
@@ -78,7 +84,7 @@ def test_what_a_joint_does_not_do_may_be_left_out():
         {
             "parent": 0,
             "box": {"center": [0, 0, 0], "size": [0.5, 0.5, 0.5]},
-            "joint": {"origin": [0, 0, 0], "direction": [-2, 0, 0], "travel": [0, 0.3]},
+            "joint": SLIDE,
         },
     ]
     read = lambda: Layout.from_json(json.dumps({"schema": 1, "parts": rows}))  # noqa: E731
@@ -89,3 +95,32 @@ def test_what_a_joint_does_not_do_may_be_left_out():
     rows[1]["joint"]["angle"] = [0]
     with pytest.raises(ValueError, match="part 1: angle must be 2 finite numbers"):
         read()
+
+
+def test_names_are_kept_and_told_apart():
+    box = {"center": [0, 0, 0], "size": [1, 1, 1]}
+    rows = [{"parent": None, "box": box}, {"parent": 0, "box": box, "joint": SLIDE}]
+    read = lambda: Layout.from_json(json.dumps({"schema": 1, "parts": rows}))  # noqa: E731
+    assert read().names == () and read().name(1) == "part_1"
+    assert Layout.from_json(read().to_json()).names == ()
+    rows[1]["name"] = "tray"
+    again = Layout.from_json(read().to_json())
+    assert again.names == ("part_0", "tray")
+    assert [part.name for part in again.to_object().parts] == ["part_0", "tray"]
+    assert again.taken([0]).names == ("part_0",)
+    for bad in (7, ["a"], "part_0"):
+        rows[1]["name"] = bad
+        with pytest.raises(ValueError, match="part 1: name"):
+            read()
+
+
+def test_names_reach_the_asset_and_no_other_folder(tmp_path):
+    obj = procedural.generate("oven", 11)
+    names = ("oven", "../the door", *(f"knob/{k}" for k in range(2, len(obj.parts))))
+    layout = dataclasses.replace(Layout.of_object(obj), names=names)
+    made = assemble_layout(voxelize(obj, 24, 4).gather(), layout)
+    assert sorted(part.name for part in made.parts) == sorted(names)
+    made.save(tmp_path / "asset", formats=("mjcf",), motion=False)
+    assert [path.name for path in tmp_path.iterdir()] == ["asset"]
+    links = yourdfpy.URDF.load(str(tmp_path / "asset/object.urdf")).link_map
+    assert "oven" in links and any("the door" in name for name in links)

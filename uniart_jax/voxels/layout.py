@@ -78,6 +78,7 @@ class Layout:
         each part is built of, revolutions: the outlines of parts that are round about an axis; each
         empty, or K, None where that is not known.
       certainty: expected share of the moving parts that is right, in 0..1, or None.
+      names: of the parts, empty or K; a network gives none.
     """
 
     boxes: np.ndarray
@@ -91,6 +92,7 @@ class Layout:
     boards: tuple[Panels | None, ...] = ()
     revolutions: tuple[Revolution | None, ...] = ()
     certainty: float | None = None
+    names: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.boxes)
@@ -116,6 +118,10 @@ class Layout:
         parents = tuple(part.parent for part in obj.parts)
         return Layout(np.asarray(obj.boxes), joints, parents, colors, np.ones(count))
 
+    def name(self, row: int) -> str:
+        """What a part is called; ``part_<row>`` if nobody said."""
+        return self.names[row] if self.names else f"part_{row}"
+
     def taken(self, rows: Sequence[int]) -> Layout:
         """These rows, in this order; the parent of each is one of them, or -1."""
         place = {old: new for new, old in enumerate(rows)} | {ROOT: ROOT}
@@ -128,6 +134,7 @@ class Layout:
             confidence=self.confidence[rows],
             boards=tuple(self.boards[k] for k in rows) if self.boards else (),
             revolutions=tuple(self.revolutions[k] for k in rows) if self.revolutions else (),
+            names=tuple(self.names[k] for k in rows) if self.names else (),
         )
 
     def normalized(self) -> tuple[Layout, float]:
@@ -197,7 +204,7 @@ class Layout:
             mesh.apply_translation(box[:3])
             paint = np.append(linear_to_srgb(np.clip(self.colors[k], 0, 1)), 1.0)
             mesh.visual.face_colors = np.round(255 * paint).astype(np.uint8)
-            parts.append(Part(f"part_{k}", mesh, int(parent), joint))
+            parts.append(Part(self.name(k), mesh, int(parent), joint))
         return ArticulatedObject(tuple(parts))
 
     def to_json(self) -> str:
@@ -208,7 +215,7 @@ class Layout:
         for k, joint in enumerate(self.joints):
             rows.append(
                 {
-                    "name": f"part_{k}",
+                    "name": self.name(k),
                     "parent": None if self.parents[k] < 0 else int(self.parents[k]),
                     "box": {"center": _plain(self.boxes[k, :3]), "size": _plain(self.boxes[k, 3:])},
                     "color": _plain(linear_to_srgb(np.clip(self.colors[k], 0, 1))),
@@ -237,8 +244,8 @@ class Layout:
     @staticmethod
     def from_json(text: str) -> Layout:
         """Read ``to_json``'s text; ``color``, ``confidence``, ``boards``, ``revolution``,
-        ``camera``, ``certainty``, ``legs`` and ``panels`` may be left out, and of a joint ``type``
-        and ``angle`` or ``travel``.
+        ``name``, ``camera``, ``certainty``, ``legs`` and ``panels`` may be left out, and of a joint
+        ``type`` and ``angle`` or ``travel``.
 
         Raises:
           ValueError: one line that names the row and the field.
@@ -253,11 +260,14 @@ class Layout:
         if not isinstance(rows, list) or not rows:
             raise ValueError('layout: "parts" must be a list of at least one part')
         boxes, joints, parents, colors, confidence = [], [], [], [], []
-        boards, revolutions = [], []
+        boards, revolutions, names = [], [], []
         for k, row in enumerate(rows):
             where = f"layout: part {k}"
             if not isinstance(row, dict):
                 raise ValueError(f"{where} is not an object")
+            names.append(row.get("name") or f"part_{k}")
+            if not isinstance(names[k], str) or names[k] in names[:k]:
+                raise ValueError(f"{where}: name {names[k]!r} is no text, or is that of another")
             box = _table(row, "box", where)
             size = _numbers(box, "size", 3, where)
             if size.min() <= 0:
@@ -291,6 +301,7 @@ class Layout:
             tuple(boards) if any(b is not None for b in boards) else (),
             tuple(revolutions) if any(r is not None for r in revolutions) else (),
             None if sure is None else _share(sure, "layout: certainty"),
+            () if names == [f"part_{k}" for k in range(len(rows))] else tuple(names),
         )
 
 
