@@ -48,6 +48,7 @@ from uniart_jax.voxels.layout import Layout
 from uniart_jax.voxels.part_table import THRESHOLD
 from uniart_jax.voxels.read_layout import read_layout
 from uniart_jax.voxels.typed_batches import Condition
+from uniart_jax.voxels.usual_boards import with_usual_boards
 
 SIDE_TOLERANCE = 1e-3  # of a layout whose longest side is 1
 
@@ -188,7 +189,7 @@ class Pipeline(Networks):
                 raise ValueError("sample: give an image, a layout, or both")
             layout, side = layout.normalized()
             image, camera = render_layout(layout)
-            layout = dataclasses.replace(layout, camera=camera)
+            layout = dataclasses.replace(with_usual_boards(layout), camera=camera)
         single = isinstance(image, (str, Path, np.ndarray))
         views: list[Any] = [image] if single else list(image)
         if not views:
