@@ -26,6 +26,7 @@ FLUSH = 0.02  # object units between faces of a moving part and of the body that
 ROUND = 0.8  # of a disc's width, that its height is at least; its axis lies as near to its middle
 STRAIGHT = 0.95  # cosine of a disc's axis and the box's
 PROUD = 0.008  # object units by which the moving part's stands out, to be seen
+SEAM = 0.003  # object units around a moving part that show the edges between neighbours
 
 
 def render_layout(layout: Layout) -> tuple[np.ndarray, np.ndarray]:
@@ -58,7 +59,7 @@ def solids(layout: Layout) -> ArticulatedObject:
         elif outline is not None or (outline := _disc(layout.joints[k], box)) is not None:
             meshes = [_turned(outline, box)]
         else:
-            meshes = _boxes([_proud(_corners(box), _corners(layout.boxes[root]))])
+            meshes = _boxes([_front(box, layout.joints[k], _corners(layout.boxes[root]))])
         mesh = trimesh.util.concatenate(meshes)
         paint = np.append(linear_to_srgb(np.clip(layout.colors[k], 0, 1)), 1.0)
         mesh.visual.face_colors = np.round(255 * paint).astype(np.uint8)
@@ -83,10 +84,21 @@ def _corners(box: np.ndarray) -> np.ndarray:
     return np.concatenate([box[:3] - box[3:] / 2, box[:3] + box[3:] / 2])
 
 
-def _proud(corners: np.ndarray, body: np.ndarray) -> np.ndarray:
-    """Corners [6] of a part's box, with faces that lie in the body's moved out by ``PROUD``."""
-    out = np.array([-1, -1, -1, 1, 1, 1]) * PROUD
-    return np.where(np.abs(corners - body) < FLUSH, body + out, corners)
+def _front(box: np.ndarray, joint: Joint, body: np.ndarray) -> np.ndarray:
+    """Corners [6] of a moving part's box, told from its neighbours: ``SEAM`` smaller around, and
+    its front moved out by ``PROUD`` where it lies in a face of the body's box [6]. The front of a
+    slider faces along its way, that of a plate across it."""
+    corners = _corners(box)
+    if joint.type == "fixed":
+        return corners
+    slides = joint.type == "prismatic"
+    axis = int(np.abs(joint.direction).argmax()) if slides else int(box[3:].argmin())
+    seam = np.where(np.arange(3) == axis, 0, np.minimum(SEAM, box[3:] / 4))
+    corners = corners + np.concatenate([seam, -seam])
+    for face, out in ((axis, -PROUD), (axis + 3, PROUD)):
+        if abs(corners[face] - body[face]) < FLUSH:
+            corners[face] = body[face] + out
+    return corners
 
 
 def _boxes(corners: Sequence[np.ndarray] | np.ndarray) -> list[trimesh.Trimesh]:
