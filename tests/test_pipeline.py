@@ -383,18 +383,20 @@ def test_an_object_is_as_large_as_its_kind_usually_is():
 
 
 def test_a_layout_needs_no_image(pipeline, monkeypatch):
-    with pytest.raises(ValueError, match="give an image, a layout, or both"):
-        pipeline()
+    crowd = make_layout(0.0).taken([0] + [1] * 16)
+    for given, says in (
+        (True, "an image, a layout, or both"),
+        (crowd, "17 parts; this checkpoint"),
+    ):
+        with pytest.raises(ValueError, match=says):
+            pipeline(layout=given)
     picture, camera = render_layout(layout := make_layout(0.0).normalized()[0])
     seen = []
-    monkeypatch.setattr(
-        "uniart_jax.pipeline.encode_views",
-        lambda networks, pixels, found, *options: seen.append((pixels, found)) or 1 / 0,
-    )
-    metres = dataclasses.replace(layout, boxes=3 * layout.boxes + np.array([5, 0, 1, 0, 0, 0]))
+    note = lambda _, pixels, found, *options: seen.append((pixels, found)) or 1 / 0  # noqa: E731
+    monkeypatch.setattr("uniart_jax.pipeline.encode_views", note)
+    metres = 3 * layout.boxes + np.array([5, 0, 1, 0, 0, 0])
     with pytest.raises(ZeroDivisionError):
-        pipeline(layout=metres)
+        pipeline(layout=dataclasses.replace(layout, boxes=metres))
     ((pixels, found),) = seen
-    np.testing.assert_allclose(found.boxes, layout.boxes, atol=1e-9)
-    np.testing.assert_allclose(found.camera, camera, atol=1e-6)
+    assert np.allclose(found.boxes, layout.boxes) and np.allclose(found.camera, camera, atol=1e-6)
     np.testing.assert_allclose(pixels[0], pipeline.prepare(picture), atol=0.02)

@@ -183,7 +183,9 @@ class Pipeline(Networks):
                 f"this checkpoint is not trained yet ({', '.join(untrained[:3])}{more}): train it "
                 "first (--init), or use sample_structure, sample_latents and gaussians"
             )
-        side = 1.0
+        side, most = 1.0, self.config.model.grid.max_parts
+        if isinstance(layout, Layout) and len(layout) > most:
+            raise ValueError(f"layout: {len(layout)} parts; this checkpoint takes {most} at most")
         if image is None:
             if not isinstance(layout, Layout):
                 raise ValueError("sample: give an image, a layout, or both")
