@@ -8,7 +8,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-import trimesh
 from drawn import parameters as parameters_of
 
 from uniart_jax.cli import load_config
@@ -34,9 +33,7 @@ from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.checkpoint_files import write_config, write_network, write_statistics
 from uniart_jax.models.network import build
 from uniart_jax.objects.kinematics import Joint
-from uniart_jax.objects.object import ArticulatedObject, Part
-from uniart_jax.pipeline import Pipeline, SamplingOptions, _sized, load
-from uniart_jax.voxels.kind import Kind
+from uniart_jax.pipeline import Pipeline, SamplingOptions, load
 from uniart_jax.voxels.layout import Layout
 from uniart_jax.voxels.typed_batches import Condition
 
@@ -368,18 +365,6 @@ def test_a_checkpoint_names_all_that_it_lacks_and_reads_gaussians_late(trellis, 
     )
     found, expected = pipeline.gaussians([coords], [latent]), trellis.gaussians([coords], [latent])
     np.testing.assert_array_equal(found[0]["xyz"], expected[0]["xyz"])
-
-
-def test_an_object_is_as_large_as_its_kind_usually_is():
-    box = ArticulatedObject((Part("base", trimesh.creation.box((0.5, 0.6, 1.0))),))
-    for named, side, scale, why in (
-        (True, 1.0, 0.9, "usual of its kind (oven)"),
-        (False, 1.0, 1.0, "does not tell"),
-        (True, 1.3, 1.3, "by the layout's lengths"),
-    ):
-        obj = _sized(box, Kind("oven", 0.9, named), side)
-        assert obj.scale == scale and f"{scale:.2f} m" in obj.provenance[-1]
-        assert why in obj.provenance[-1]
 
 
 def test_a_layout_needs_no_image(pipeline, monkeypatch):
