@@ -1,8 +1,8 @@
 """A layout: an object's parts as a table, each a box, a joint, a parent, a colour and how sure a
 network is of it.
 
-As JSON (``to_json``, ``from_json``), lengths in object units, angles in radians, colours sRGB in
-0..1:
+As JSON (``to_json``, ``from_json``), lengths in object units (of one that is made without a picture
+any, as metres: ``Layout.normalized``), angles in radians, colours sRGB in 0..1:
 
     {"schema": 1, "frame": "object: z up, front at -x, shown state, longest side 1, centred",
      "camera": [7] code (``voxels.camera_code``) of the picture that is sampled from, or null,
