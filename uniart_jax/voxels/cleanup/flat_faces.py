@@ -298,9 +298,11 @@ def _flatten(views: Views, part: int, face: tuple[float, np.ndarray] | None = No
     """
     first, height = maps.heights(views[0], _solid(views, part))
     left = (first > 0) & (first < len(views[0]))
+    least = max(PLANE_COLUMNS, PLANE_SHARE * left.sum())
+    if left.sum() < least:
+        return
     sides = [min(RIPPLE, side // 4 | 1) for side in height.shape]  # less of what is small
     around = ndimage.median_filter(height, sides, mode="nearest")
-    least = max(PLANE_COLUMNS, PLANE_SHARE * left.sum())
     for _ in range(PLANES):
         if left.sum() < least:
             return
