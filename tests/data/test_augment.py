@@ -87,7 +87,7 @@ def assert_same(found, expected, tolerance=TOLERANCE):
     assert distance.max() < tolerance
 
 
-@settings(max_examples=200)
+@settings(max_examples=100)
 @given(objects(STRAIGHT + CROOKED), st.integers(0, 10**6), st.sampled_from([0.05, 0.3, 2.0]))
 def test_scaling(obj, seed, strength):
     factors = part_factors(obj, np.random.default_rng(seed), strength)
@@ -153,7 +153,7 @@ def test_mirroring(obj):
     assert_same(mirror_codes(codes), mirrored_codes)
 
 
-@settings(max_examples=200)
+@settings(max_examples=100)
 @given(objects(STRAIGHT + CROOKED), st.lists(st.floats(0, 1), min_size=6, max_size=6))
 def test_showing_another_state(obj, shares):
     boxes, codes, parents = encoded(obj)

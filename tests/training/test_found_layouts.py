@@ -93,7 +93,8 @@ def test_pictures_of_another_size_are_resampled():
         for side in (32, 48)
     )
     np.testing.assert_allclose(small.table.boxes, large.table.boxes, atol=1e-5)
-    out = build("layout", MODEL).apply(frozen("layout"), np.full((2, 32, 32, 3), 0.3, np.float32))
+    network = jax.jit(build("layout", MODEL).apply)
+    out = network(frozen("layout"), np.full((2, 32, 32, 3), 0.3, np.float32))
     np.testing.assert_allclose(small.cameras, out["camera"], atol=1e-5)
     np.testing.assert_allclose(large.cameras, out["camera"], atol=1e-5)
 
