@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from uniart_jax.objects.kinematics import Joint
+from uniart_jax.voxels.follow import assemble_layout
 from uniart_jax.voxels.layout import Layout
 from uniart_jax.voxels.usual_boards import DEEP, FLAT, FRONT, HEIGHT, WALL, with_usual_boards
+from uniart_jax.voxels.voxelize import voxelize
 
 BODY = [0, 0, 0, 0.5, 0.8, 1.0]
 DRAWER = [-0.05, 0.1, 0.2, 0.4, 0.5, 0.2]
@@ -81,3 +83,23 @@ def test_boards_that_are_told_stay():
     told = with_usual_boards(one)
     again = with_usual_boards(dataclasses.replace(told, boards=(None, None)))
     assert again.boards == (None, None) and len(told.boards[1]) == 5
+
+
+def test_they_are_followed_whatever_voxels_show():
+    """A network's boards are not, where voxels show a half of the drawer's width."""
+    boxes = np.array([BODY, [-0.45, *DRAWER[1:]]])
+    joints = Joint.fixed(), slide(-1, 0, 0)
+    one = Layout(boxes, joints, (-1, 0), np.ones((2, 3)), np.ones(2)).normalized()[0]
+    drawn = one.boxes.copy()
+    drawn[1, [1, 4]] += [0.125, -0.25]
+    grid = voxelize(dataclasses.replace(one, boxes=drawn).to_object(), 16, 4).gather()
+    told = with_usual_boards(one)
+    found = dataclasses.replace(
+        told, boards=(None, dataclasses.replace(told.boards[1], estimate=True))
+    )
+    exact, voted = (assemble_layout(grid, layout) for layout in (told, found))
+    drawer = exact.parts[1].mesh
+    assert drawer.is_watertight and np.ptp(drawer.bounds, 0)[1] == pytest.approx(0.5, abs=0.03)
+    assert np.ptp(voted.parts[1].mesh.bounds, 0)[1] < 0.35
+    noted = [any("boards" in note for note in each.provenance) for each in (exact, voted)]
+    assert noted == [False, True]

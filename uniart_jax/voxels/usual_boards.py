@@ -36,7 +36,7 @@ def with_usual_boards(layout: Layout) -> Layout:
         elif layout.parents[k] >= 0 and joint.type == "revolute" and closed[k]:
             short, middle = np.sort(layout.boxes[k, 3:])[:2]
             boards = corners[k][None] if short < min(FLAT, PLATE * middle) else None
-        found.append(None if boards is None else Panels(boards, 1.0))
+        found.append(None if boards is None else Panels(boards, 1.0, estimate=False))
     return dataclasses.replace(layout, boards=tuple(found))
 
 
