@@ -18,7 +18,7 @@ from uniart_jax.config import World
 
 def prepare(
     source: Annotated[
-        Literal["procedural", "partnet-mobility", "urdf", "layouts", "found"],
+        Literal["procedural", "partnet-mobility", "urdf", "layouts"],
         tyro.conf.Positional,
     ],
     root: Annotated[Path | None, tyro.conf.Positional] = None,
@@ -49,7 +49,6 @@ def prepare(
     processes: int | None = None,
     runner: Literal["local", "beam"] = "local",
     beam_options: str = "",
-    checkpoint: str = "nano",
     part_features: Literal["none", "geometric"] = "none",
 ) -> None:
     """Make training records. Can be killed and run again: finished shards are kept.
@@ -59,10 +58,7 @@ def prepare(
           without voxels; of the options --count, --world, --image-size and --processes.
           "procedural": drawn here. "partnet-mobility": its folders under ROOT. "urdf": every URDF,
             MJCF and object.json under ROOT.
-            "found": records of the folder ROOT once more, on the voxels that a checkpoint finds in
-              their first --views pictures, for a decoder that learns from them (--loss.sampled,
-              --loss.found).
-        root: Folder of assets, or of records.
+        root: Folder of assets.
         count: Objects (default: procedural 1000, else all).
         start_seed: procedural: seed of the first object; seeds from 1,000,000 on are held out and
           never trained on.
@@ -96,7 +92,6 @@ def prepare(
         processes: Worker processes (default: one a core).
         runner: "beam": by Apache Beam (pip install 'uniart_jax[beam]').
         beam_options: Options of the Beam pipeline, as one string.
-        checkpoint: found: the model that finds the voxels.
         part_features: "geometric": also the column "part_feature", of the shape around each voxel,
           as `uniart features --part-features geometric` makes it.
     """
@@ -112,32 +107,12 @@ def prepare(
             raise ValueError(f"prepare: --{name} must be at least 1, got {value}")
     if source != "procedural" and (families is not None or start_seed):
         raise ValueError("prepare: --families and --start-seed are of procedural objects")
-    if part_features != "none" and source in ("layouts", "found"):
+    if part_features != "none" and source == "layouts":
         raise ValueError("prepare: --part-features is of records of objects")
     if world != "seven" and (families is not None or source not in ("procedural", "layouts")):
         raise ValueError(
             "prepare: --world is of procedural objects and layouts, and instead of --families"
         )
-    if source == "found":
-        from uniart_jax.precompute.found import prepare_found
-
-        if root is None:
-            raise ValueError(
-                "prepare: give the folder of records: uniart prepare found RECORDS --out OUT"
-            )
-        if (
-            count
-            or start_seed
-            or families
-            or split != "none"
-            or shard != "0/1"
-            or runner != "local"
-        ):
-            raise ValueError(
-                "prepare: found takes --checkpoint and --views, and all of its records"
-            )
-        prepare_found(root, Path(out), checkpoint, views)
-        return
     drawn = WORLDS[world] if families is None else families
     workers = processes or max(2, os.cpu_count() or 1)  # one would be this process itself
     if source == "layouts":
