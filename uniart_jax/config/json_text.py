@@ -9,7 +9,7 @@ from typing import Any, Literal, get_args, get_origin, get_type_hints
 
 # Options that are gone, by dotted name, and the default they had: config.json of a checkpoint names
 # every option that there was when it was written.
-RETIRED: dict[str, Any] = {"loss.sampled": 0.0}
+RETIRED: dict[str, Any] = {"loss.decoded": 0.0, "loss.sampled": 0.0}
 
 
 def to_json(config: Any) -> str:

@@ -68,9 +68,6 @@ class LossConfig:
     )
     # of the latent flow's loss, measured on attributes of the latent (``training.latent_metric``)
     readout_share: float = 0.0
-    # latent flow: weight of what the frozen UniArt VAE makes of its x_0 (distances, colours)
-    # against what it makes of the true latent
-    decoded: float = 0.0
     # structure flow: weight of what the frozen structure VAE makes of its x_0 against the true
     # occupancy (cross-entropy and Dice)
     decoded_structure: float = 0.0
