@@ -8,7 +8,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-import trimesh
 from drawn import parameters as parameters_of
 
 from uniart_jax.cli import load_config
@@ -28,14 +27,13 @@ from uniart_jax.config import (
     StructureVAEConfig,
     UniArtVAEConfig,
 )
+from uniart_jax.data.layout_renders import render_layout
 from uniart_jax.inference.samplers import flow_arguments, flow_inputs, join_views, pad_coords
 from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.checkpoint_files import write_config, write_network, write_statistics
 from uniart_jax.models.network import build
 from uniart_jax.objects.kinematics import Joint
-from uniart_jax.objects.object import ArticulatedObject, Part
-from uniart_jax.pipeline import Pipeline, SamplingOptions, _sized, load
-from uniart_jax.voxels.kind import Kind
+from uniart_jax.pipeline import Pipeline, SamplingOptions, load
 from uniart_jax.voxels.layout import Layout
 from uniart_jax.voxels.typed_batches import Condition
 
@@ -369,12 +367,21 @@ def test_a_checkpoint_names_all_that_it_lacks_and_reads_gaussians_late(trellis, 
     np.testing.assert_array_equal(found[0]["xyz"], expected[0]["xyz"])
 
 
-def test_an_object_is_as_large_as_its_kind_usually_is():
-    box = ArticulatedObject((Part("base", trimesh.creation.box((0.5, 0.6, 1.0))),))
-    for named, scale, why in (
-        (True, 0.9, "usual of its kind (oven)"),
-        (False, 1.0, "does not tell"),
+def test_a_layout_needs_no_image(pipeline, monkeypatch):
+    crowd = make_layout(0.0).taken([0] + [1] * 16)
+    for given, says in (
+        (True, "an image, a layout, or both"),
+        (crowd, "17 parts; this checkpoint"),
     ):
-        obj = _sized(box, Kind("oven", 0.9, named))
-        assert obj.scale == scale and f"{scale:.2f} m" in obj.provenance[-1]
-        assert why in obj.provenance[-1]
+        with pytest.raises(ValueError, match=says):
+            pipeline(layout=given)
+    picture, camera = render_layout(layout := make_layout(0.0).normalized()[0])
+    seen = []
+    note = lambda _, pixels, found, *options: seen.append((pixels, found)) or 1 / 0  # noqa: E731
+    monkeypatch.setattr("uniart_jax.pipeline.encode_views", note)
+    metres = 3 * layout.boxes + np.array([5, 0, 1, 0, 0, 0])
+    with pytest.raises(ZeroDivisionError):
+        pipeline(layout=dataclasses.replace(layout, boxes=metres))
+    ((pixels, found),) = seen
+    assert np.allclose(found.boxes, layout.boxes) and np.allclose(found.camera, camera, atol=1e-6)
+    np.testing.assert_allclose(pixels[0], pipeline.prepare(picture), atol=0.02)

@@ -269,7 +269,7 @@ class Looker(Finder):
         self.shown, self.fails = [], fails
 
     def sample(self, image, *, seed, **options):
-        self.shown.append(([float(read_image(path).mean()) for path in image], seed))
+        self.shown.append(([float(read_image(path).mean()) for path in image or ()], seed))
         if len(self.shown) in self.fails:
             raise IndexError("list index out of range")
         return super().sample(image, seed=seed, **options)
@@ -301,6 +301,35 @@ def test_each_image_is_an_object_of_its_own_unless_they_are_views(
     else:
         assert [len(m) for m in means] == [1, 1] and means[0][0] < means[1][0]
         assert all((out / name / "sample-0/object.urdf").is_file() for name in ("dark", "light"))
+
+
+def test_layouts_go_without_images(tmp_path, monkeypatch, two_images):
+    looker, out = Looker(), tmp_path / "out"
+    monkeypatch.setattr("uniart_jax.pipeline.load", lambda checkpoint: looker)
+    desk = ROOT / "examples/layouts/desk.json"
+    off = {"check": False, "refine": False, "output": URDF_ALONE}
+    sample_command((desk, two_images[1]), out, **off)
+    assert looker.shown[0] == ([], 0) and len(looker.shown[1][0]) == 1
+    assert all((out / name / "sample-0/object.urdf").is_file() for name in ("desk", "light"))
+
+
+@pytest.mark.parametrize(
+    ("given", "says"),
+    [
+        ((), "give at least one image file, or a layout's JSON"),
+        (("absent.json",), "layout 'absent.json': no such file"),
+        ((ROOT / "examples/layouts/desk.json", "--no-follow"), "goes without --multi-view"),
+        ((ROOT / "examples/layouts/desk.json", EXAMPLE, "--multi-view"), "goes without"),
+    ],
+)
+def test_layouts_that_cannot_be_are_told(tmp_path, refused, given, says):
+    assert says in refused(*given, "--out", tmp_path / "out") and not (tmp_path / "out").exists()
+
+
+def test_a_folder_that_holds_the_layout_is_not_replaced(tmp_path, refused):
+    (tmp_path / "own.json").write_text((ROOT / "examples/layouts/desk.json").read_text())
+    refused(tmp_path / "own.json", "--out", tmp_path, "--overwrite")
+    assert (tmp_path / "own.json").is_file()
 
 
 def test_a_bug_in_one_sample_does_not_cost_the_others(tmp_path, monkeypatch, two_images, capsys):

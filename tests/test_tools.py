@@ -113,12 +113,12 @@ def test_the_gallery_shows_input_rest_and_open_and_counts_failures(tmp_path, mon
         def __init__(self):
             self.config = config
 
-        def sample(self, image, *, seed, name):
-            asked.append((image.shape, seed, name))
+        def sample(self, image, *, seed, name, layout):
+            asked.append((None if image is None else image.shape, seed, name))
             if seed % 2:
                 raise ValueError("the model found no object in the image")
-            obj = held_out_for(config.model, seed).obj
-            return SimpleNamespace(obj=obj, picture=None)
+            obj = layout.to_object() if image is None else held_out_for(config.model, seed).obj
+            return SimpleNamespace(obj=obj, picture=None, cut=(np.full((9, 9, 4), 255, np.uint8),))
 
     space = tool["main"].__globals__
     monkeypatch.setitem(space, "load", lambda checkpoint: Truth())
@@ -136,6 +136,12 @@ def test_the_gallery_shows_input_rest_and_open_and_counts_failures(tmp_path, mon
         assert np.ptp(tile[20:-20, 20:-20].mean(-1)) > 60
     tool["main"]()  # what is there is kept
     assert len(asked) == 3
+    files = [str(ROOT / f"examples/layouts/{name}.json") for name in ("chest", "desk")]
+    monkeypatch.setattr(sys, "argv", ["x", str(tmp_path / "layouts"), "--layouts", *files])
+    tool["main"]()
+    assert asked[3:] == [(None, 0, "chest"), (None, 1, "desk")]
+    assert "chest: stands" in capsys.readouterr().out
+    assert (tmp_path / "layouts/chest/object.urdf").is_file()
 
 
 def test_views_look_into_a_panorama(tmp_path, monkeypatch, capsys):

@@ -1,6 +1,8 @@
-"""What a checkpoint makes of the first held-out pictures, one after the other, none left out.
+"""What a checkpoint makes of the first held-out pictures, one after the other, none left out, or of
+layouts without a picture.
 
     python tools/gallery.py OUT [--count 24] [--checkpoint nano] [--unseen]
+    python tools/gallery.py OUT --layouts examples/layouts/*.json
 
 OUT gets an asset folder an object, made and checked as ``sample.py`` does, and ``gallery.jpg``:
 input, rest and open of each, and the picture alone where no object could be made of it. Prints of
@@ -27,22 +29,29 @@ from uniart_jax.runtime.compilation_cache import enable_compilation_cache
 from uniart_jax.simulation.refine import mend
 from uniart_jax.simulation.summary import is_plausible, stands, verdicts
 from uniart_jax.simulation.validate import validate
+from uniart_jax.voxels.layout import Layout
 
 SIDE = 176  # pixels of a tile in the gallery
 COLUMNS = 3  # objects a row
 SHOWN = 3  # tiles of a preview: input, rest, open
 
 
-def make_asset(pipeline: Pipeline, index: int, unseen: bool, folder: Path) -> dict:
-    """The asset that a pipeline makes of a held-out object's picture; its report."""
+def make_asset(
+    pipeline: Pipeline,
+    folder: Path,
+    seed: int,
+    image: np.ndarray | None,
+    layout: Layout | bool = True,
+) -> dict:
+    """The asset that a pipeline makes of a held-out object's picture, or of a layout; its
+    report."""
     if not (folder / "report.json").is_file():
-        test = held_out_for(pipeline.config.model, index, unseen)
-        made = pipeline.sample(test.image, seed=index, name=folder.name)
+        made = pipeline.sample(image, seed=seed, name=folder.name, layout=layout)
         made.obj.save(
             folder,
-            image=test.image,
+            image=made.cut[0] if image is None else image,
             picture=made.picture,
-            seed=index,
+            seed=seed,
             mend=mend,
             check=lambda path: verdicts(validate(path)),
             motion=False,
@@ -78,21 +87,30 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=24)
     parser.add_argument("--checkpoint", default="nano")
     parser.add_argument("--unseen", action="store_true", help="families never trained on")
+    parser.add_argument("--layouts", type=Path, nargs="+", help="JSON files; no pictures then")
     given = parser.parse_args()
     enable_compilation_cache()
     which = f"{given.checkpoint} {Checkpoint.find(given.checkpoint).digest()}"
     settings = {"checkpoint": which, "unseen": given.unseen}
-    check_settings(given.out, settings, "another checkpoint or split")
+    if given.layouts:
+        settings["layouts"] = [path.name for path in given.layouts]
+    check_settings(given.out, settings, "another checkpoint, split or layouts")
     pipeline, rows, found = load(given.checkpoint), [], []
-    for index in range(given.count):
-        name = object_name(index, split_families(given.unseen))
+    families = split_families(given.unseen)
+    names = [object_name(index, families) for index in range(given.count)]
+    for index, name in enumerate([path.stem for path in given.layouts or ()] or names):
+        image, layout = None, True
         try:
-            report = make_asset(pipeline, index, given.unseen, given.out / name)
+            if given.layouts:
+                layout = Layout.from_json(given.layouts[index].read_text())
+            else:
+                image = held_out_for(pipeline.config.model, index, given.unseen).image
+            report = make_asset(pipeline, given.out / name, index, image, layout)
         except ValueError as error:
             print(f"{name}: {error}", flush=True)
             found.append((False, False))
-            test = held_out_for(pipeline.config.model, index, given.unseen)
-            rows.append(failure(test.image, f"{name}: no object"))
+            blank = np.zeros((SIDE, SIDE, 4), np.uint8)
+            rows.append(failure(blank if image is None else image, f"{name}: no object"))
             continue
         good = stands(report["validation"]), is_plausible(report["validation"])
         line = f"{name}: {'stands' if good[0] else 'fails'}, {'' if good[1] else 'not '}plausible"

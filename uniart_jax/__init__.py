@@ -16,6 +16,7 @@ _PUBLIC = {
     "Part": "uniart_jax.objects.object",
     "Joint": "uniart_jax.objects.kinematics",
     "VoxelGrid": "uniart_jax.voxels.grid",
+    "Layout": "uniart_jax.voxels.layout",
     "load_object": "uniart_jax.objects.load",
     "Pipeline": "uniart_jax.pipeline",
     "load": "uniart_jax.pipeline",

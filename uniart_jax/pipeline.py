@@ -29,6 +29,7 @@ from uniart_jax.config import (
 )
 from uniart_jax.data.background import Way, cut_out
 from uniart_jax.data.images import crop, read_image
+from uniart_jax.data.layout_renders import render_layout
 from uniart_jax.export.picture_colors import Picture
 from uniart_jax.export.size import typical_scale
 from uniart_jax.export.words import moving_words
@@ -47,6 +48,9 @@ from uniart_jax.voxels.layout import Layout
 from uniart_jax.voxels.part_table import THRESHOLD
 from uniart_jax.voxels.read_layout import read_layout
 from uniart_jax.voxels.typed_batches import Condition
+from uniart_jax.voxels.usual_boards import with_usual_boards
+
+SIDE_TOLERANCE = 1e-3  # of a layout whose longest side is 1
 
 
 class SamplingOptions(TypedDict, total=False):
@@ -114,7 +118,7 @@ class Pipeline(Networks):
 
     def __call__(
         self,
-        image: str | Path | np.ndarray | Sequence[str | Path | np.ndarray],
+        image: str | Path | np.ndarray | Sequence[str | Path | np.ndarray] | None = None,
         *,
         seed: int = 0,
         name: str = "object",
@@ -136,7 +140,7 @@ class Pipeline(Networks):
 
     def sample(
         self,
-        image: str | Path | np.ndarray | Sequence[str | Path | np.ndarray],
+        image: str | Path | np.ndarray | Sequence[str | Path | np.ndarray] | None = None,
         *,
         seed: int = 0,
         name: str = "object",
@@ -155,7 +159,9 @@ class Pipeline(Networks):
         """One image (or several views of one object) to an object.
 
         Args:
-          image: path, or [H, W, 3 or 4] uint8 sRGB; a sequence of them = several views.
+          image: path, or [H, W, 3 or 4] uint8 sRGB; a sequence of them = several views. None: a
+            plain picture of ``layout`` (``data.layout_renders``), which then may lie anywhere;
+            where its longest side is not 1, its lengths are metres.
           seed: same seed, same object, on the same number of cores of the same kind (elsewhere
             sums are rounded in another order: meshes differ a little, and textures are laid out
             otherwise). Flows that take one step give their mean, whatever the seed.
@@ -177,6 +183,15 @@ class Pipeline(Networks):
                 f"this checkpoint is not trained yet ({', '.join(untrained[:3])}{more}): train it "
                 "first (--init), or use sample_structure, sample_latents and gaussians"
             )
+        side, most = 1.0, self.config.model.grid.max_parts
+        if isinstance(layout, Layout) and len(layout) > most:
+            raise ValueError(f"layout: {len(layout)} parts; this checkpoint takes {most} at most")
+        if image is None:
+            if not isinstance(layout, Layout):
+                raise ValueError("sample: give an image, a layout, or both")
+            layout, side = layout.normalized()
+            image, camera = render_layout(layout)
+            layout = dataclasses.replace(with_usual_boards(layout), camera=camera)
         single = isinstance(image, (str, Path, np.ndarray))
         views: list[Any] = [image] if single else list(image)
         if not views:
@@ -211,7 +226,7 @@ class Pipeline(Networks):
         else:
             obj = assemble_layout(grid, found, name=name)
         return Sample(
-            _sized(obj, kind_of(found or Layout.of_object(obj))),
+            _sized(obj, kind_of(found or Layout.of_object(obj)), side),
             {"structure": structure_options, "latent": latent_options},
             {flow: int(solved.evaluations[0]) for flow, solved in flows.items()},
             {flow: int(solved.steps_over_tolerance[0]) for flow, solved in flows.items()},
@@ -340,12 +355,15 @@ def load(checkpoint: str | Path = "nano") -> Pipeline:
     return Pipeline.of(found)
 
 
-def _sized(obj: ArticulatedObject, kind: Kind) -> ArticulatedObject:
-    """The object as large as its kind usually is, if it has a name; an image does not tell."""
-    scale = typical_scale(obj, kind.family) if kind.named else 1.0
+def _sized(obj: ArticulatedObject, kind: Kind, side: float) -> ArticulatedObject:
+    """The object as large as its layout says, ``side`` metres if that is not 1; else as its kind
+    usually is, if it has a name. An image does not tell."""
+    told = abs(side - 1) > SIDE_TOLERANCE
+    scale = side if told else typical_scale(obj, kind.family) if kind.named else 1.0
     closed = bounds_at(obj, obj.rest()).reshape(-1, 3)
     longest = float(np.ptp(closed, axis=0).max()) * scale
     word = kind.family.replace("_", " ")
     why = f"usual of its kind ({word})" if kind.named else "an image does not tell"
+    why = "by the layout's lengths in metres" if told else why
     note = f"size: longest side, closed, taken as {longest:.2f} m, {why}"
     return dataclasses.replace(obj, scale=scale, provenance=(*obj.provenance, note))

@@ -82,7 +82,7 @@ def test_record_of_the_mirrored_object(family, seed):
     for shown, seen_by in ((obj, camera), (obj.transformed(MIRROR), opposite)):
         image = render(shown, seen_by, size=64)[None]
         cameras = np.array([dataclasses.astuple(seen_by)])
-        made.append(records.from_object(shown, image, cameras, {}, voxelize(shown, 32, 4)))
+        made.append(records.from_object(shown, image, cameras, {}, voxelize(shown, 16, 4)))
     found, expected = mirror_record(made[0]), made[1]
     assert np.array_equal(found.coords, expected.coords)
     np.testing.assert_allclose(found.boxes, expected.boxes, atol=1e-6)

@@ -21,16 +21,20 @@ def taken(iterator, number):
 
 
 @pytest.mark.parametrize(
-    ("before", "after"),
-    [(0, 0), (0, 2), *(pytest.param(*n, marks=pytest.mark.slow) for n in ((2, 0), (2, 3)))],
+    ("before", "after", "begun"),
+    [
+        (0, 0, 1),
+        (0, 2, 0),
+        *(pytest.param(*n, 1, marks=pytest.mark.slow) for n in ((0, 2), (2, 0), (2, 3))),
+    ],
 )
-def test_resuming_gives_what_would_have_come_with_any_number_of_workers(before, after):
+def test_resuming_gives_what_would_have_come_with_any_number_of_workers(before, after, begun):
     straight = taken(iter(batches()), 9)
     first = iter(batches(before))
     assert taken(first, 5) == straight[:5]
     assert first.get_state() == {"batch": 5, "batch_size": 2}
     again = iter(batches(after))
-    taken(again, 1)  # what was drawn before belongs to another place
+    taken(again, begun)  # what was drawn before belongs to another place
     again.set_state(first.get_state())
     assert taken(again, 4) == straight[5:]
 

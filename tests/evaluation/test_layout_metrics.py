@@ -20,7 +20,7 @@ from uniart_jax.voxels.revolution_table import Revolution
 
 @pytest.fixture(scope="module")
 def tests():
-    return [held_out(index, image_size=64) for index in (2, 4)]
+    return [held_out(index, image_size=64, resolution=16) for index in (2, 4)]
 
 
 def judge(tests, change=lambda layout: layout):
@@ -108,7 +108,7 @@ def test_command_writes_figures_and_pictures(tmp_path, tests):
     folder = tmp_path / "pred"
     folder.mkdir()
     for index in range(2):
-        test = held_out(index, image_size=128)
+        test = held_out(index, image_size=32, resolution=16)
         (folder / f"{index}.json").write_text(Layout.of_object(test.obj).to_json())
     found = judging.evaluate_layout("nano", tmp_path / "out", count=2, pred=folder)
     kept = json.loads((tmp_path / "out" / "metrics.json").read_text())

@@ -18,7 +18,7 @@ from uniart_jax.evaluation.surface import (
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
 
-FEW = 8192  # points where nothing is compared with a number
+FEW = 4096  # points where nothing is compared with a number
 
 
 def box(size, center=(0.0, 0, 0)):

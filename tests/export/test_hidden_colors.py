@@ -133,10 +133,11 @@ def test_the_tool_learns_which_candidate_is_right(tmp_path):
     again = tool["blocks"](tmp_path, "true", 6, seeds[0], make)
     np.testing.assert_array_equal(again.features, rows.features)
     assert len(calls) == 6  # read, not made
-    asked = rows._replace(true=rows.colors[:, :, 3])  # all look as the nearest that is seen
+    few = type(rows)(*(column[:, :32] for column in rows))  # places are enough
+    asked = few._replace(true=few.colors[:, :, 3])  # all look as the nearest that is seen
     weights = tool["fit"](asked, asked, 150)
     found = tool["errors"](asked, weights)
-    assert found["network"].mean() < 0.5 * np.abs(rows.colors[:, :, 4] - asked.true).mean()
+    assert found["network"].mean() < 0.5 * np.abs(asked.colors[:, :, 4] - asked.true).mean()
 
 
 @pytest.mark.parametrize("name", ["mean", "deviation", "kernel_0", "bias_3"])

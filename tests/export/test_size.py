@@ -9,6 +9,8 @@ import trimesh
 from uniart_jax.export.size import WIDEST, parse_size, typical_scale, typical_size
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
+from uniart_jax.pipeline import _sized
+from uniart_jax.voxels.kind import Kind
 
 
 def fridge(width: float, opened: float = 0.0) -> ArticulatedObject:
@@ -40,3 +42,15 @@ def test_what_nobody_knows_is_a_metre():
     for text in ("huge", "2 door"):
         with pytest.raises(ValueError, match=f"--size '{text}'"):
             parse_size(text)
+
+
+def test_an_object_is_as_large_as_its_kind_usually_is():
+    box = ArticulatedObject((Part("base", trimesh.creation.box((0.5, 0.6, 1.0))),))
+    for named, side, scale, why in (
+        (True, 1.0, 0.9, "usual of its kind (oven)"),
+        (False, 1.0, 1.0, "does not tell"),
+        (True, 1.3, 1.3, "by the layout's lengths"),
+    ):
+        obj = _sized(box, Kind("oven", 0.9, named), side)
+        assert obj.scale == scale and f"{scale:.2f} m" in obj.provenance[-1]
+        assert why in obj.provenance[-1]

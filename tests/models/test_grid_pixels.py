@@ -101,8 +101,10 @@ def test_the_structure_flow_begins_as_without_pixels_and_then_sees_its_own_items
         given = {"views": (pixels, cameras), "layout": flow_table()}
         return network.apply(params, x, t, tokens, volume, **given)
 
-    fresh = network.init(jax.random.key(0))
-    before = params | {k: fresh[k] for k in ("grid_pixels", "pixel_cube", "pixel_cell")}
+    def begin(key):  # of what is asked for alone
+        return {k: network.init(key)[k] for k in ("grid_pixels", "pixel_cube", "pixel_cell")}
+
+    before = params | jax.jit(begin)(jax.random.key(0))
     without = build("structure_flow", reading(layout_channels=6, pixel_channels=0))
     apply = jax.jit(lambda p: without.apply(p, x, t, tokens, volume, layout=flow_table()))
     same = apply({k: v for k, v in params.items() if "pixel" not in k})

@@ -12,6 +12,7 @@ from flax import nnx
 from uniart_jax.config import Config, DataConfig, LayoutConfig, ModelConfig
 from uniart_jax.data.mirror import mirror_revolutions
 from uniart_jax.inference.layouts import LayoutPredictor
+from uniart_jax.models.box_sets import BoxSetDecoder, PanelDecoder
 from uniart_jax.models.layout import SETS, RevolutionHead, _proportions
 from uniart_jax.models.network import build
 from uniart_jax.stages.layout import LayoutStage
@@ -35,10 +36,13 @@ def params():
 
 
 def test_training_begins_with_cylinders_that_fill_their_boxes():
-    head = RevolutionHead(16, 8, nnx.Rngs(0), jnp.float32)
+    @jax.jit
+    def begin(corners):
+        return RevolutionHead(16, 8, nnx.Rngs(0), jnp.float32)(jnp.ones((2, 5, 16)), corners)
+
     lower, size = np.array([-0.4, -0.2, 0.1]), np.array([0.2, 0.3, 0.4])
     corners = np.tile(np.concatenate([lower, lower + size]), (2, 5, 1)).astype(np.float32)
-    out = head(jnp.ones((2, 5, 16)), corners)
+    out = jax.device_get(begin(corners))
     assert out["axis"].shape == (2, 5, 4) and not out["axis"].any()
     middle = lower + size / 2
     for axis in range(3):
@@ -74,7 +78,9 @@ def test_it_comes_with_the_parts_leaves_them_as_they_are_and_trains_what_it_read
     assert size(gradient["heads"]) == 0  # none through the boxes that outlines are told in
 
 
-def test_it_is_trained_by_batches_without_legs_panels_and_boards():
+def test_it_is_trained_by_batches_without_legs_panels_and_boards(monkeypatch):
+    for decoder in (BoxSetDecoder, PanelDecoder):  # each run of their layer is compiled anew
+        monkeypatch.setattr(decoder, "RUNS", 2)
     some = dataclasses.replace(SMALL, legs=MOST_LEGS, panels=MOST_PANELS, boards=MOST_BOARDS)
     config = Config(model=ModelConfig(layout=some), data=DataConfig(box_sets_every=2))
     network, rng = build("layout", config.model), np.random.default_rng(0)
@@ -99,13 +105,14 @@ def test_it_is_trained_by_batches_without_legs_panels_and_boards():
 
 
 def test_it_sees_how_long_a_box_is():
-    head = RevolutionHead(4, 6, nnx.Rngs(0), jnp.float32)
+    head = nnx.eval_shape(lambda: RevolutionHead(4, 6, nnx.Rngs(0), jnp.float32))
     graph, state = nnx.split(head)
     rng = np.random.default_rng(1)
     state = jax.tree.map(lambda x: rng.normal(size=x.shape).astype(np.float32), state)
     query = np.zeros((1, 2, 4), np.float32)
     corners = np.array([[[0, 0, 0, 0.2, 0.2, 0.2], [0, 0, 0, 0.2, 0.2, 0.6]]], np.float32)
-    axis = np.asarray(nnx.merge(graph, state)(query, corners)["axis"])
+    look = jax.jit(lambda state: nnx.merge(graph, state)(query, corners)["axis"])
+    axis = np.asarray(look(state))
     assert np.abs(axis[0, 0] - axis[0, 1]).min() > 1e-2
 
 

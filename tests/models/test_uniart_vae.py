@@ -189,7 +189,8 @@ def test_the_attention_is_the_papers_equation_in_float64():
 
 def test_codes_and_boxes_are_gathered_by_part():
     batch = voxel_batch(MODEL)
-    codes, found = np.asarray(voxel_codes(batch)), jax.device_get(voxel_boxes(batch))
+    gather = jax.jit(lambda batch: (voxel_codes(batch), voxel_boxes(batch)))
+    codes, found = jax.device_get(gather(batch))
     part = batch.voxel_part[1, 5]
     parent = batch.parents[1, part]
     expected = [batch.codes[1, part], batch.boxes[1, part], batch.boxes[1, parent]]

@@ -265,21 +265,23 @@ def test_a_worker_that_blocks_ends_with_its_parent(tmp_path, end):
             os.close(held)
 
 
-def test_an_mjcf_is_simulated_and_pybullet_says_why_not(tmp_path):
+def test_an_mjcf_is_simulated(tmp_path):
+    """By a process of its own, as everyone's is."""
     path = tmp_path / "flap.xml"
     path.write_text(MJCF.format(sign=-1, upper=1.5))
     result = validate(path)
     assert is_sound(result), failed(result)
     assert set(result["joints"]["mujoco"]) == {"flap_hinge"}
+
+
+@pytest.mark.usefixtures("mujoco_here")
+def test_a_fault_of_an_mjcf_is_found_and_pybullet_says_why_it_does_not_look(tmp_path):
+    path = tmp_path / "flap.xml"
     path.write_text(MJCF.format(sign=1, upper=1.57))
-    found = failed(validate(path, engines=["mujoco"]))
-    assert "'flap' and 'frame'" in found["sweep"]
-    both = (
-        validate(path, engines=["mujoco", "pybullet"])
-        if module.importlib.util.find_spec("pybullet")
-        else None
-    )
-    assert both is None or "URDF" in both["not_run"]["pybullet"]
+    others = ["pybullet"] if module.importlib.util.find_spec("pybullet") else []
+    result = validate(path, engines=["mujoco", *others])
+    assert "'flap' and 'frame'" in failed(result)["sweep"]
+    assert all("URDF" in result["not_run"][name] for name in others)
 
 
 @pytest.mark.usefixtures("mujoco_here")

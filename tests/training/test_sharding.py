@@ -90,7 +90,8 @@ def test_no_device_holds_more_than_its_part_of_the_state(fsdp):
 STEP = """
 import dataclasses, os, sys
 from pathlib import Path
-os.environ["XLA_FLAGS"] = "--xla_backend_optimization_level=0 --xla_llvm_disable_expensive_passes=true"
+cheap = "--xla_backend_optimization_level=0 --xla_llvm_disable_expensive_passes=true"
+os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {cheap}"
 import jax
 jax.config.update("jax_num_cpu_devices", 4)
 folder, accumulate = Path(sys.argv[1]), int(sys.argv[2])

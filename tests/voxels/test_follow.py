@@ -27,7 +27,7 @@ from uniart_jax.voxels.voxelize import voxelize
 @pytest.fixture(scope="module")
 def oven():
     obj = procedural.generate("oven", 11)
-    return obj, voxelize(obj, 24, 4)
+    return obj, voxelize(obj, 16, 4)
 
 
 def test_true_voxels_and_true_layout_give_the_object(oven):
@@ -59,8 +59,8 @@ def test_the_body_stands_on_the_layouts_legs():
     obj = procedural.generate("table", 3)
     legs = legs_of(obj)
     assert len(legs) == 2 and legs.alone
-    grid = voxelize(obj, 24, 4).gather()
-    height = subcell_centers(grid.coords, 24, 4)[..., 2]
+    grid = voxelize(obj, 16, 4).gather()
+    height = subcell_centers(grid.coords, 16, 4)[..., 2]
     torn = dataclasses.replace(
         grid, sdf=np.where(height < legs.heights[0, 1] - 0.05, np.float32(0.5), grid.sdf)
     )

@@ -53,14 +53,14 @@ def sample(
     check: bool = True,
     overwrite: Overwrite = False,
 ) -> int:
-    """One image in, a complete articulated object out.
+    """One image in, a complete articulated object out; or a layout's table without an image.
 
     A sample that fails, as where no object is found in the image, does not cost the others: exit
     code 1 if some failed, 2 if all did.
 
     Args:
         images: Image files. With an alpha channel or a plain background the object is cut out by
-          itself.
+          itself. A layout's JSON is made an object without an image.
         checkpoint: "nano" (shipped), a folder written by training, a training WORKDIR, or
           hf:ORG/NAME of the Hugging Face hub (pip install 'uniart_jax[hub]').
         seed: Same seed, same object, on the same number of cores of the same kind; elsewhere
@@ -86,7 +86,7 @@ def sample(
           went).
     """
     if not images:
-        raise ValueError("sample: give at least one image file")
+        raise ValueError("sample: give at least one image file, or a layout's JSON")
     if not 0 <= seed < 2**31:
         raise ValueError(f"sample: --seed must be in 0..{2**31 - 1}, got {seed}")
     if num_samples < 1:
@@ -103,17 +103,23 @@ def sample(
     if tolerance is not None and not least <= tolerance <= most:
         raise ValueError(f"sample: --tolerance must be in {least:g}..{most:g}, got {tolerance:g}")
     given = _layout(layout, follow, len(images) == 1 or multi_view)
+    tables = {path: _table(path) for path in images if path.suffix.lower() == ".json"}
+    if tables and (multi_view or layout is not None or not follow):
+        raise ValueError(
+            "sample: a layout without an image goes without --multi-view, --layout and --no-follow"
+        )
     asset = output.parsed()
     from uniart_jax.data.background import check_background
     from uniart_jax.data.images import check_visible, read_image
 
-    pictures = [read_image(path) for path in images]  # all inputs are checked before any work
-    for path, picture in zip(images, pictures, strict=True):
+    # all inputs are checked before any work
+    pictures = {path: read_image(path) for path in images if path not in tables}
+    for path, picture in pictures.items():
         check_visible(picture, f"image '{path}'")
         check_background(background, f"image '{path}'")
     folders = sample_folders(images, out, num_samples, multi_view)
     for folder in folders.values():
-        check_out(folder, overwrite, images)
+        check_out(folder, overwrite, images if layout is None else (*images, layout))
     from uniart_jax.pipeline import load
     from uniart_jax.runtime.compilation_cache import enable_compilation_cache
 
@@ -131,12 +137,7 @@ def sample(
         pipeline = load(checkpoint)
         if num_samples > 1 and steps is None and not adaptive:
             changes["steps"] = steps_of_several(pipeline.options())
-        groups = [("object", list(zip(images, pictures, strict=True)))]
-        if not multi_view:
-            groups = [
-                (path.name, [(path, picture)])
-                for path, picture in zip(images, pictures, strict=True)
-            ]
+        groups = [("object", images)] if multi_view else [(path.name, (path,)) for path in images]
         wanted, failed = len(groups) * num_samples, []
         for g, (name, views) in enumerate(groups):
             drawn: dict[int, Sample] = {}
@@ -144,11 +145,12 @@ def sample(
                 if num_samples > 1:
                     say(f"{name}: sample {i + 1} of {num_samples}")
                 with _noted(failed, name, seed + i, wanted):
+                    table = tables.get(views[0])
                     drawn[i] = pipeline.sample(
-                        [path for path, _ in views],  # which messages name
+                        views if table is None else None,
                         seed=seed + i,
-                        name=views[0][0].stem,
-                        layout=given,
+                        name=views[0].stem,
+                        layout=given if table is None else table,
                         background=background,
                         progress=lambda step, name=name: say(f"{name}: {step}"),
                         **changes,
@@ -161,7 +163,7 @@ def sample(
                     one.obj.save(
                         folders[g, i],
                         **asset,
-                        image=one.cut[0] if one.cut else views[0][1],
+                        image=one.cut[0] if one.cut else pictures.get(views[0]),
                         picture=one.picture if texture == "both" else None,
                         seed=seed + i,
                         checkpoint=checkpoint,
@@ -209,6 +211,11 @@ def _layout(path: Path | None, follow: bool, single: bool) -> Any:
         return follow
     if not follow or not single:
         raise ValueError("sample: --layout is of one image, and goes without --no-follow")
+    return _table(path)
+
+
+def _table(path: Path) -> Any:
+    """The layout in a JSON file."""
     if not path.is_file():
         raise FileNotFoundError(f"layout '{path}': no such file")
     from uniart_jax.voxels.layout import Layout

@@ -12,6 +12,8 @@ one rendered view, one sample. Rows of the table:
                        (these three follow the layout found in the image, where the checkpoint has a
                        layout network)
     without_layout     the same voxels, their parts and joints read off themselves
+    layout_alone       true boxes, joints, legs and colours, as one writes them by hand -> object,
+                       without an image
     retrieval          image -> the nearest training image's object (by image features), the paper's section 3
 """  # noqa: E501
 
@@ -27,11 +29,14 @@ from typing import Any
 
 import jax
 import numpy as np
+import trimesh
 from rich.table import Table
 
 from uniart_jax import procedural
 from uniart_jax.config import DataConfig, ModelConfig
 from uniart_jax.data.images import PICTURE_SIDE
+from uniart_jax.data.layouts import part_colors
+from uniart_jax.data.legs import legs_of
 from uniart_jax.evaluation.geometry import object_chamfer
 from uniart_jax.evaluation.parts import PartScores, compare_parts, summarize
 from uniart_jax.evaluation.pictures import write_comparison
@@ -39,7 +44,7 @@ from uniart_jax.evaluation.retrieval import make_retrieval
 from uniart_jax.evaluation.runner import run, run_staged, write_metrics
 from uniart_jax.evaluation.table import markdown
 from uniart_jax.inference.mirror_average import encode_views, find_grid, find_voxels
-from uniart_jax.objects.object import ArticulatedObject
+from uniart_jax.objects.object import ArticulatedObject, Part
 from uniart_jax.objects.states import sample_state
 from uniart_jax.pipeline import Pipeline, load
 from uniart_jax.runtime.progress import messages
@@ -241,6 +246,8 @@ def evaluate_checkpoint(
         grids, overlap, pixels, layout = predict(pipeline, test, index)
         overlaps.append(overlap)
         others = {} if retrieve is None else {"retrieval": retrieve(pixels)}
+        if layout is not None:
+            others["layout_alone"] = from_layout_alone(pipeline, test, index)
         folder = out if index < pictures else None
         name = f"{index:03d}-{test.family}"
         return [functools.partial(finish, test, grids, others, folder, name, layout)]
@@ -285,6 +292,18 @@ def predict(
         grids[name], _ = find_grid(pipeline, where, conditions, keys[1], options[1], layout)
     dense = [occupancy(c, test.grid.resolution) for c in (found, coords)]
     return grids, float((dense[0] & dense[1]).sum() / (dense[0] | dense[1]).sum()), pixels, layout
+
+
+def from_layout_alone(pipeline: Pipeline, test: HeldOut, seed: int) -> ArticulatedObject:
+    """What the networks make of the truth's boxes, joints, legs and colours without an image."""
+    obj = test.obj
+    legs = legs_of(obj.shown_at(obj.rest()), obj)
+    written = dataclasses.replace(Layout.of_object(obj, part_colors(obj)), legs=legs)
+    try:
+        return pipeline(seed=seed, layout=written)
+    except ValueError:  # no voxels: a failure counts, an object of one speck
+        speck = trimesh.creation.box([1 / pipeline.config.model.grid.resolution] * 3)
+        return ArticulatedObject((Part("base", speck),))
 
 
 def finish(

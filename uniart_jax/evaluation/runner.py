@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 from uniart_jax.evaluation.result_store import ResultStore, without_nan, write_result
-from uniart_jax.objects.robot_object import one_line
+from uniart_jax.objects.names import one_line
 from uniart_jax.runtime.files import write_text
 from uniart_jax.runtime.processes import map_isolated, map_ordered, process_pool
 from uniart_jax.runtime.progress import messages, track

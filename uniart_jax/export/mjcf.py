@@ -37,9 +37,8 @@ from uniart_jax.export.frames import (
 )
 from uniart_jax.export.handles import handles
 from uniart_jax.export.physics import Body, Box
-from uniart_jax.objects.names import Numbered
+from uniart_jax.objects.names import Numbered, one_line
 from uniart_jax.objects.object import ArticulatedObject, Part
-from uniart_jax.objects.robot_object import one_line
 
 WORLD = "world"  # MuJoCo's own body
 MIN_AREA = 1e-12  # m^2: a mesh of less, MuJoCo refuses

@@ -33,8 +33,8 @@ from uniart_jax.export.frames import (
 )
 from uniart_jax.export.physics import GRAVITY, Body, Box, Dynamics
 from uniart_jax.objects.kinematics import Joint
+from uniart_jax.objects.names import one_line
 from uniart_jax.objects.object import ArticulatedObject, Part
-from uniart_jax.objects.robot_object import one_line
 
 CARRIER_SHARE = 0.01  # of a part's mass: what a link between two of its joints weighs
 

@@ -19,12 +19,13 @@ from pathlib import Path
 from uniart_jax.objects.asset_files import AssetFiles
 from uniart_jax.objects.json_text import parse_json
 from uniart_jax.objects.mjcf import read_mjcf
+from uniart_jax.objects.names import one_line
 from uniart_jax.objects.nap import NAME as NAP
 from uniart_jax.objects.nap import read_nap
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.objects.partnet_mobility import is_partnet, read_partnet
 from uniart_jax.objects.robot import Robot
-from uniart_jax.objects.robot_object import make_object, one_line
+from uniart_jax.objects.robot_object import make_object
 from uniart_jax.objects.singapo import read_singapo
 from uniart_jax.objects.urdf_read import read_robot
 from uniart_jax.objects.xml_text import MAX_BYTES, parse_xml

@@ -32,6 +32,12 @@ def printable(text: str, instead: str = "_") -> str:
     return "".join(c if c.isprintable() else instead for c in " ".join(text.split()))
 
 
+def one_line(text: str) -> str:
+    """A message that can be printed, without line breaks, at most 500 characters."""
+    text = printable(str(text)[:10_000], "?")
+    return text if len(text) <= 500 else text[:497] + "..."
+
+
 def clean(name: str) -> str:
     """A name that can be printed, at most ``MAX_NAME`` characters."""
     return printable(name[: 4 * MAX_NAME])[:MAX_NAME].strip()

@@ -11,7 +11,7 @@ import numpy as np
 from uniart_jax.objects.asset_files import AssetFiles
 from uniart_jax.objects.double_faces import single_sided
 from uniart_jax.objects.kinematics import LEAST_TRAVEL, TRAVEL_DEAD_ZONE
-from uniart_jax.objects.names import MAX_NAME, Numbered, clean, printable
+from uniart_jax.objects.names import MAX_NAME, Numbered, clean, one_line
 from uniart_jax.objects.object import ArticulatedObject, Part, moved_mesh
 from uniart_jax.objects.robot import MAX_PARTS, Robot
 from uniart_jax.objects.robot_mesh import link_mesh
@@ -86,12 +86,6 @@ def _named(
         for p, n, label in zip(parts, names, labels, strict=True)
     ]
     return renamed, clean(name), clean(category)
-
-
-def one_line(text: str) -> str:
-    """A message that can be printed, without line breaks, at most 500 characters."""
-    text = printable(str(text)[:10_000], "?")
-    return text if len(text) <= 500 else text[:497] + "..."
 
 
 def lost_pieces(provenance: Sequence[str]) -> list[str]:

@@ -155,7 +155,7 @@ class MujocoEngine:
         return {j.name: float(self.data.qpos[self.joints[j.name]]) for j in self.plan.joints}
 
     def speed(self) -> float:
-        if any(int(w.number) for w in self.data.warning):
+        if self.data.warning.number.any():
             return float("inf")
         velocity = np.zeros(6)
         fastest = 0.0

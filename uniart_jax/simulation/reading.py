@@ -12,9 +12,10 @@ from lxml import etree
 
 from uniart_jax.objects.asset_files import AssetFiles, RefusedError
 from uniart_jax.objects.load import READERS, find_asset, kind_of
+from uniart_jax.objects.names import one_line
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.objects.robot import Robot
-from uniart_jax.objects.robot_object import make_object, one_line
+from uniart_jax.objects.robot_object import make_object
 from uniart_jax.objects.xml_text import MAX_BYTES, parse_xml
 from uniart_jax.simulation import soundness
 from uniart_jax.simulation.engine import Plan

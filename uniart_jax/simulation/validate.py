@@ -20,7 +20,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import uniart_jax
-from uniart_jax.objects.robot_object import one_line
+from uniart_jax.objects.names import one_line
 from uniart_jax.simulation.figure import write_figure
 from uniart_jax.simulation.measure import check
 from uniart_jax.simulation.reading import NO_MJCF, Description, descriptions

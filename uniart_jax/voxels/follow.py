@@ -66,10 +66,10 @@ def assemble_layout(
         frame.
 
     Returns:
-      Parts 'base', 'link_1', ..., parents first; every mesh is closed. A small row that voxels
-      hardly show, or that turns about its middle, and a turntable are made of their boxes
-      (``primitive_parts``). Another that no voxel shows, or a fixed one of which they show a
-      fragment, is left out; its children hang on its parent. ``provenance`` tells of all.
+      Parts 'base', 'link_1', ... or as the layout names them, parents first; meshes are closed. A
+      small row that voxels hardly show, or that turns about its middle, and a turntable are made of
+      their boxes (``primitive_parts``). Another that no voxel shows, or a fixed one of which they
+      show a fragment, is left out; its children hang on its parent. ``provenance`` tells of all.
 
     Raises:
       ValueError: the grid holds no voxels.
@@ -171,9 +171,11 @@ def _parts(layout: Layout, meshes: list[trimesh.Trimesh]) -> tuple[Part, ...]:
     """A layout's rows with their meshes [K] as parts, parents first."""
     order = topological_order(list(layout.parents))
     position = {old: new for new, old in enumerate(order)}
+    counted = ["base" if layout.parents[k] < 0 else f"link_{position[k]}" for k in position]
+    names = layout.names or dict(zip(position, counted, strict=True))
     return tuple(
         Part(
-            "base" if layout.parents[k] < 0 else f"link_{position[k]}",
+            names[k],
             meshes[k],
             position.get(layout.parents[k], -1),
             layout.joints[k],

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+FARTHEST = 100.0  # that coordinates may have: metres, where there is no picture
+
 
 def json_rows(data: Any, name: str, most: int) -> list[dict[str, Any]]:
     """``data["rows"]`` of the entry ``name`` ("leg", "panel", "part 2: board").

@@ -1,8 +1,8 @@
 """A layout: an object's parts as a table, each a box, a joint, a parent, a colour and how sure a
 network is of it.
 
-As JSON (``to_json``, ``from_json``), lengths in object units, angles in radians, colours sRGB in
-0..1:
+As JSON (``to_json``, ``from_json``), lengths in object units (of one that is made without a picture
+any, as metres: ``Layout.normalized``), angles in radians, colours sRGB in 0..1:
 
     {"schema": 1, "frame": "object: z up, front at -x, shown state, longest side 1, centred",
      "camera": [7] code (``voxels.camera_code``) of the picture that is sampled from, or null,
@@ -19,16 +19,17 @@ As JSON (``to_json``, ``from_json``), lengths in object units, angles in radians
      "legs": null or {"alone": bool, "rows": [{"lower": [x0, y0, x1, y1] of its lower end, "upper":
                 the same of its upper end, "heights": [2] of both, "fill": share of the rectangles
                 that it fills (1 a prism, .785 a cylinder), "plinth": bool}]},
-     "panels": null or {"share": of the body that they and the legs explain, "rows": [{"lower": [3],
-                "upper": [3] corner}]}}
+     "panels": null or {"share": of the body that they and the legs explain, "estimate": as of a
+                revolution, "rows": [{"lower": [3], "upper": [3] corner}]}}
 
 Legs carry what does not move. ``alone``: it has nothing else below their upper ends, and what
 voxels show there is taken away. Panels are the boards that it is built of; those within it take
 the place of what voxels show there, unless that is another body. Boards are the same of a part that
 moves, all that it is built of, of a door that stands ajar as it lies closed (``closed_pose``):
-where that is follows from its joint and its box, so whoever edits these edits its boards too. Of
-what does not move they are not used, and ``provenance`` says so. A network's panels and boards are
-kept where their share is high, boards not of a disc that turns about its middle. A part with a
+where that is follows from its joint and its box, so whoever edits these edits its boards too, and
+takes ``estimate`` away: they are followed as they are then, and nothing else is drawn of the part.
+Of what does not move they are not used, and ``provenance`` says so. A network's panels and boards
+are kept where their share is high, boards not of a disc that turns about its middle. A part with a
 revolution becomes that solid of revolution, where voxels show no other shape and it is not made of
 its box or its boards, or as a tray, a disc or a drum; a spout or a handle is kept where the part's
 box reaches beyond it. Whoever edits its box edits ``center`` and ``radii``
@@ -78,6 +79,7 @@ class Layout:
         each part is built of, revolutions: the outlines of parts that are round about an axis; each
         empty, or K, None where that is not known.
       certainty: expected share of the moving parts that is right, in 0..1, or None.
+      names: of the parts, empty or K; a network gives none.
     """
 
     boxes: np.ndarray
@@ -91,6 +93,7 @@ class Layout:
     boards: tuple[Panels | None, ...] = ()
     revolutions: tuple[Revolution | None, ...] = ()
     certainty: float | None = None
+    names: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.boxes)
@@ -116,6 +119,10 @@ class Layout:
         parents = tuple(part.parent for part in obj.parts)
         return Layout(np.asarray(obj.boxes), joints, parents, colors, np.ones(count))
 
+    def name(self, row: int) -> str:
+        """What a part is called; ``part_<row>`` if nobody said."""
+        return self.names[row] if self.names else f"part_{row}"
+
     def taken(self, rows: Sequence[int]) -> Layout:
         """These rows, in this order; the parent of each is one of them, or -1."""
         place = {old: new for new, old in enumerate(rows)} | {ROOT: ROOT}
@@ -128,7 +135,43 @@ class Layout:
             confidence=self.confidence[rows],
             boards=tuple(self.boards[k] for k in rows) if self.boards else (),
             revolutions=tuple(self.revolutions[k] for k in rows) if self.revolutions else (),
+            names=tuple(self.names[k] for k in rows) if self.names else (),
         )
+
+    def normalized(self) -> tuple[Layout, float]:
+        """The layout in object units: the box around all parts has a longest side of 1 and its
+        middle at 0. And how long that side was."""
+        low = (self.boxes[:, :3] - self.boxes[:, 3:] / 2).min(0)
+        high = (self.boxes[:, :3] + self.boxes[:, 3:] / 2).max(0)
+        middle, side = (low + high) / 2, float((high - low).max())
+        matrix = np.diag([1 / side] * 3 + [1.0])
+        matrix[:3, 3] = -middle / side
+
+        def panels(own: Panels | None) -> Panels | None:
+            corners = np.tile(middle, 2)
+            return own and dataclasses.replace(own, boxes=(own.boxes - corners) / side)
+
+        def outline(own: Revolution | None) -> Revolution | None:
+            if own is None:
+                return None
+            center = (own.center - np.delete(middle, own.axis)) / side
+            return dataclasses.replace(own, center=center, radii=own.radii / side)
+
+        legs, across = self.legs, np.tile(middle[:2], 2)
+        if legs is not None:
+            lower, upper = (legs.lower - across) / side, (legs.upper - across) / side
+            heights = (legs.heights - middle[2]) / side
+            legs = dataclasses.replace(legs, lower=lower, upper=upper, heights=heights)
+        moved = dataclasses.replace(
+            self,
+            boxes=np.concatenate([self.boxes[:, :3] - middle, self.boxes[:, 3:]], 1) / side,
+            joints=tuple(joint.transformed(matrix) for joint in self.joints),
+            legs=legs,
+            panels=panels(self.panels),
+            boards=tuple(panels(own) for own in self.boards),
+            revolutions=tuple(outline(own) for own in self.revolutions),
+        )
+        return moved, side
 
     def rows(self, most: int) -> dict[str, np.ndarray]:
         """Boxes, codes, parents (root: its own) and colours as ``voxels.part_table`` has them, of
@@ -162,7 +205,7 @@ class Layout:
             mesh.apply_translation(box[:3])
             paint = np.append(linear_to_srgb(np.clip(self.colors[k], 0, 1)), 1.0)
             mesh.visual.face_colors = np.round(255 * paint).astype(np.uint8)
-            parts.append(Part(f"part_{k}", mesh, int(parent), joint))
+            parts.append(Part(self.name(k), mesh, int(parent), joint))
         return ArticulatedObject(tuple(parts))
 
     def to_json(self) -> str:
@@ -173,7 +216,7 @@ class Layout:
         for k, joint in enumerate(self.joints):
             rows.append(
                 {
-                    "name": f"part_{k}",
+                    "name": self.name(k),
                     "parent": None if self.parents[k] < 0 else int(self.parents[k]),
                     "box": {"center": _plain(self.boxes[k, :3]), "size": _plain(self.boxes[k, 3:])},
                     "color": _plain(linear_to_srgb(np.clip(self.colors[k], 0, 1))),
@@ -202,7 +245,8 @@ class Layout:
     @staticmethod
     def from_json(text: str) -> Layout:
         """Read ``to_json``'s text; ``color``, ``confidence``, ``boards``, ``revolution``,
-        ``camera``, ``certainty``, ``legs`` and ``panels`` may be left out.
+        ``name``, ``camera``, ``certainty``, ``legs`` and ``panels`` may be left out, and of a joint
+        ``type`` and ``angle`` or ``travel``.
 
         Raises:
           ValueError: one line that names the row and the field.
@@ -217,11 +261,14 @@ class Layout:
         if not isinstance(rows, list) or not rows:
             raise ValueError('layout: "parts" must be a list of at least one part')
         boxes, joints, parents, colors, confidence = [], [], [], [], []
-        boards, revolutions = [], []
+        boards, revolutions, names = [], [], []
         for k, row in enumerate(rows):
             where = f"layout: part {k}"
             if not isinstance(row, dict):
                 raise ValueError(f"{where} is not an object")
+            names.append(row.get("name") or f"part_{k}")
+            if not isinstance(names[k], str) or names[k] in names[:k]:
+                raise ValueError(f"{where}: name {names[k]!r} is no text, or is that of another")
             box = _table(row, "box", where)
             size = _numbers(box, "size", 3, where)
             if size.min() <= 0:
@@ -255,6 +302,7 @@ class Layout:
             tuple(boards) if any(b is not None for b in boards) else (),
             tuple(revolutions) if any(r is not None for r in revolutions) else (),
             None if sure is None else _share(sure, "layout: certainty"),
+            () if names == [f"part_{k}" for k in range(len(rows))] else tuple(names),
         )
 
 
@@ -289,7 +337,10 @@ def _joint(row: dict, parent: int | None, where: str) -> Joint:
     if parent is None:
         return Joint.fixed()
     data = _table(row, "joint", where)
-    angle, travel = (_numbers(data, name, 2, where) for name in ("angle", "travel"))
+    angle, travel = (
+        _numbers(data, name, 2, where) if name in data else np.zeros(2)
+        for name in ("angle", "travel")
+    )
     if not angle.any() and not travel.any():
         return Joint.fixed()
     direction = _numbers(data, "direction", 3, where)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from scipy.special import expit
 
-from uniart_jax.voxels.json_rows import json_rows
+from uniart_jax.voxels.json_rows import FARTHEST, json_rows
 
 THRESHOLD = 0.5  # of the probability of the surest leg
 OTHERS = 0.25  # of those beside it: legs come in sets
@@ -20,7 +20,7 @@ ROUND = 0.89  # share of its rectangle that a round leg fills at most
 SOLID = 0.65  # and any leg at least; with less it is a frame or a profile, and stays as drawn
 THINNEST = 0.012  # object units
 BOARD = 0.25  # object units; what is wider is a board, of which two or one carry an object
-LIMIT = 1.0  # object units from the middle that coordinates in JSON may have
+LIMIT = 1.0  # object units from the middle that coordinates may have
 MOST_ROWS = 64  # of JSON
 
 
@@ -141,13 +141,14 @@ def legs_from_json(data: Any) -> Legs | None:
 
 
 def _numbers(row: dict, name: str, count: int, k: int) -> np.ndarray:
-    """[count] numbers of a row within ``LIMIT``, the ends of intervals in order."""
+    """[count] numbers of a row within ``FARTHEST``, the ends of intervals in order."""
     values = row.get(name, 1.0 if name == "fill" else None)
     values = [values] if count == 1 else values
     sound = isinstance(values, list) and len(values) == count
-    if not sound or not all(type(v) in (int, float) and -LIMIT <= v <= LIMIT for v in values):
+    far = FARTHEST
+    if not sound or not all(type(v) in (int, float) and -far <= v <= far for v in values):
         what = "a number" if count == 1 else f"{count} numbers"
-        raise ValueError(f"layout: leg {k}: {name} must be {what} in {-LIMIT:g}..{LIMIT:g}")
+        raise ValueError(f"layout: leg {k}: {name} must be {what} in {-far:g}..{far:g}")
     found = np.array(values, np.float64)
     if count == 1 and not SOLID <= found[0] <= 1:
         raise ValueError(f"layout: leg {k}: {name} must be in {SOLID:g}..1, got {found[0]:g}")

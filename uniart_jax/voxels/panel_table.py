@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.special import expit
 
-from uniart_jax.voxels.json_rows import json_rows
+from uniart_jax.voxels.json_rows import FARTHEST, json_rows
 
 THRESHOLD = 0.5  # of the probability of a panel
 TRUSTED = 0.8  # share of the body from which on panels stand for it
@@ -26,10 +26,13 @@ class Panels:
     Attributes:
       boxes: [N, 6] lower and upper corners. share: of the volume that they, and a body's legs,
         explain, less what they have beyond it.
+      estimate: a network's, which voxels may correct; else boards of a part are followed as they
+        are.
     """
 
     boxes: np.ndarray
     share: float
+    estimate: bool = True
 
     def __len__(self) -> int:
         return len(self.boxes)
@@ -81,7 +84,7 @@ def panels_to_json(panels: Panels) -> dict[str, Any]:
     """``panels`` of a layout's JSON (``voxels.layout``)."""
     plain = lambda values: [round(float(v), 6) for v in values]  # noqa: E731
     rows = [{"lower": plain(box[:3]), "upper": plain(box[3:])} for box in panels.boxes]
-    return {"share": round(panels.share, 4), "rows": rows}
+    return {"share": round(panels.share, 4), "estimate": panels.estimate, "rows": rows}
 
 
 def panels_from_json(data: Any, name: str = "panel") -> Panels | None:
@@ -97,19 +100,21 @@ def panels_from_json(data: Any, name: str = "panel") -> Panels | None:
     share = data.get("share", 1.0)
     if type(share) not in (int, float) or not 0 <= share <= 1:
         raise ValueError(f"layout: {name}s: share {share!r} is not in 0..1")
+    if not isinstance(estimate := data.get("estimate", False), bool):
+        raise ValueError(f"layout: {name}s: estimate {estimate!r} is neither true nor false")
     boxes = []
     for k, row in enumerate(rows):
         lower, upper = (_corner(row, end, f"{name} {k}") for end in ("lower", "upper"))
         if (lower >= upper).any():
             raise ValueError(f"layout: {name} {k}: lower {lower.tolist()} must be below upper")
         boxes.append(np.concatenate([lower, upper]))
-    return Panels(np.stack(boxes), float(share)) if boxes else None
+    return Panels(np.stack(boxes), float(share), estimate) if boxes else None
 
 
 def _corner(row: dict, end: str, where: str) -> np.ndarray:
     values = row.get(end)
     listed = values if isinstance(values, list) else []
-    sound = [type(v) in (int, float) and -LIMIT <= v <= LIMIT for v in listed]
+    sound = [type(v) in (int, float) and -FARTHEST <= v <= FARTHEST for v in listed]
     if len(sound) != 3 or not all(sound):
-        raise ValueError(f"layout: {where}: {end} must be 3 numbers in {-LIMIT:g}..{LIMIT:g}")
+        raise ValueError(f"layout: {where}: {end} must be 3 numbers in {-FARTHEST:g}..{FARTHEST:g}")
     return np.array(values, np.float64)

@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from uniart_jax.voxels.json_rows import FARTHEST
+
 RADII = 8  # of a part that is trained on, at the middles of as many equal layers
 SURE = 0.6  # least probability that a part is a solid of revolution
 SMALLEST = 0.002  # object units, of a radius
@@ -95,14 +97,14 @@ def revolution_from_json(data: Any, where: str) -> Revolution | None:
         return None
     if not isinstance(data, dict) or data.get("axis") not in tuple(AXES):
         raise ValueError(f'{where}: revolution: give an object with "axis": "x", "y" or "z"')
-    center = _numbers(data.get("center"), -LIMIT)
+    far = FARTHEST
+    center = _numbers(data.get("center"), -far)
     if center is None or len(center) != 2:
-        raise ValueError(f"{where}: revolution: center must be 2 numbers in {-LIMIT:g}..{LIMIT:g}")
+        raise ValueError(f"{where}: revolution: center must be 2 numbers in {-far:g}..{far:g}")
     radii = _numbers(data.get("radii"), SMALLEST)
     if radii is None or not 1 <= len(radii) <= MOST_RADII:
         raise ValueError(
-            f"{where}: revolution: radii must be 1 to {MOST_RADII} numbers in "
-            f"{SMALLEST:g}..{LIMIT:g}"
+            f"{where}: revolution: radii must be 1 to {MOST_RADII} numbers in {SMALLEST:g}..{far:g}"
         )
     if not isinstance(estimate := data.get("estimate", False), bool):
         raise ValueError(f"{where}: revolution: estimate must be true or false")
@@ -111,5 +113,5 @@ def revolution_from_json(data: Any, where: str) -> Revolution | None:
 
 def _numbers(values: Any, least: float) -> np.ndarray | None:
     listed: list[Any] = values if isinstance(values, list) else [None]
-    sound = all(type(v) in (int, float) and least <= v <= LIMIT for v in listed)
+    sound = all(type(v) in (int, float) and least <= v <= FARTHEST for v in listed)
     return np.array(listed, np.float64) if sound else None

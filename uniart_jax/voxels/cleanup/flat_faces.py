@@ -183,8 +183,7 @@ def _turned(views: Views, part: int, turn: Turn, body: Sequence[int]) -> bool:
     first, last = turn.box(ends[0] + low, ends[1] + low)
     _flat_part((phi, own, colored, free), 0, lower, upper, (first - low, last - low))
     phi, colored, low = resampled(phi, colored, low, turn.back)
-    # what lies beyond the grid is left out
-    first = np.clip(low, 1, None)
+    first = np.clip(low, 1, None)  # what lies beyond the grid is left out
     last = np.minimum(low + phi.shape, np.array(sdf.shape) - 1)
     if (last <= first).any():
         return False
@@ -298,16 +297,17 @@ def _flatten(views: Views, part: int, face: tuple[float, np.ndarray] | None = No
     """
     first, height = maps.heights(views[0], _solid(views, part))
     left = (first > 0) & (first < len(views[0]))
+    least = max(PLANE_COLUMNS, PLANE_SHARE * left.sum())
+    if left.sum() < least:
+        return
     sides = [min(RIPPLE, side // 4 | 1) for side in height.shape]  # less of what is small
     around = ndimage.median_filter(height, sides, mode="nearest")
-    least = max(PLANE_COLUMNS, PLANE_SHARE * left.sum())
     for _ in range(PLANES):
         if left.sum() < least:
             return
         depths = np.sort(around[left])
-        # the depth with most columns around it
         many = np.searchsorted(depths, depths + 0.5) - np.searchsorted(depths, depths - 0.5)
-        middle = depths[many.argmax()]
+        middle = depths[many.argmax()]  # the depth with most columns around it
         near = left & (np.abs(around - middle) <= FLAT)
         sharp = many.max() / max(near.sum(), 1)
         if near.sum() < least or sharp < BARELY or (sharp < SHARP and maps.tilted(near, around)):

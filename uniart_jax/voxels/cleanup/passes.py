@@ -27,6 +27,7 @@ from uniart_jax.voxels.closed_pose import closing_of
 from uniart_jax.voxels.isosurface import DenseField
 from uniart_jax.voxels.layout import Layout
 from uniart_jax.voxels.opening_direction import still_parts
+from uniart_jax.voxels.panel_table import Panels
 from uniart_jax.voxels.revolution_table import Revolution
 
 
@@ -66,10 +67,10 @@ class FieldParts:
         return [k for k in self.still if k < self.shown]
 
     @property
-    def boards(self) -> dict[int, np.ndarray]:
-        """By id, lower and upper corners [N, 6] of a part's boards, object units."""
+    def boards(self) -> dict[int, Panels]:
+        """By id, the boards of each part that has some."""
         told = dict(enumerate(self.layout.boards[: self.shown]))
-        return {k: own.boxes for k, own in told.items() if own is not None and len(own)}
+        return {k: own for k, own in told.items() if own is not None and len(own)}
 
     @property
     def revolutions(self) -> dict[int, Revolution]:
@@ -149,7 +150,12 @@ def _with_boards_and_trays(
     boards = {k: own for k, own in parts.boards.items() if k not in body}
     if boards:
         ajar = {k: closed[k] for k in boards if (closed[k] != np.eye(3, 4)).any()}
-        field, built = with_boards(field, joints, body, boards, ajar)
+        built: frozenset[int] = frozenset()
+        for estimate in (True, False):
+            rows = {k: own.boxes for k, own in boards.items() if own.estimate is estimate}
+            if rows:
+                field, some = with_boards(field, joints, body, rows, ajar, exact=not estimate)
+                built |= some
         left -= built
         notes = [
             f"boards of part {parts.numbers[k]} of the layout left out: voxels show another shape"

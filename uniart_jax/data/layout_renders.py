@@ -1,0 +1,144 @@
+"""A plain picture of a layout, for objects that have no picture: boxes in their colours, or what is
+told of boards, legs and outlines. The networks take it for a photograph of a simple object."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import trimesh
+
+from uniart_jax.data.cameras import camera_codes
+from uniart_jax.objects.appearance import linear_to_srgb
+from uniart_jax.objects.kinematics import Joint
+from uniart_jax.objects.object import ArticulatedObject, Part
+from uniart_jax.visual.render import Camera, fit, render
+from uniart_jax.voxels.closed_pose import closing_of, undone
+from uniart_jax.voxels.layout import Layout
+from uniart_jax.voxels.leg_table import Legs
+from uniart_jax.voxels.opening_direction import still_parts
+from uniart_jax.voxels.revolution_table import Revolution
+
+SIDE = 512  # pixels
+VIEW = Camera(azimuth=np.deg2rad(-32), elevation=np.deg2rad(20), fov_degrees=30)
+MARGIN = 1.15  # frame over object
+FLUSH = 0.02  # object units between faces of a moving part and of the body that count as one face
+ROUND = 0.8  # of a disc's width, that its height is at least; its axis lies as near to its middle
+STRAIGHT = 0.95  # cosine of a disc's axis and the box's
+PROUD = 0.008  # object units by which the moving part's stands out, to be seen
+SEAM = 0.003  # object units around a moving part that show the edges between neighbours
+
+
+def render_layout(layout: Layout) -> tuple[np.ndarray, np.ndarray]:
+    """A picture [S, S, 4] uint8 sRGB of a layout from the front left and above, and the code [7] of
+    its camera (``voxels.camera_code``)."""
+    obj = solids(layout)
+    camera = fit(obj, VIEW, margin=MARGIN)
+    image = np.round(255 * render(obj, camera, SIDE)).astype(np.uint8)
+    angles = [camera.azimuth, camera.elevation, camera.fov_degrees, camera.distance]
+    return image, camera_codes(np.array([angles]), image[None])[0]
+
+
+def solids(layout: Layout) -> ArticulatedObject:
+    """An object of boxes: a part's boards where they are known, of what does not move its panels
+    and legs; its outline where it is round; else its box. Moving parts stand out of the body, so
+    that they are seen where their faces lie in its."""
+    still = still_parts(layout.parents, layout.joints)
+    root = layout.parents.index(-1)
+    shown = undone(closing_of(layout.joints, layout.boxes, layout.parents))
+    parts = []
+    for k, box in enumerate(np.asarray(layout.boxes, np.float64)):
+        boards = layout.boards[k] if layout.boards else None
+        outline = layout.revolutions[k] if layout.revolutions else None
+        if k == root:
+            meshes = _body(layout, box)
+        elif boards is not None and k not in still:
+            meshes = _boxes(boards.boxes)
+            for mesh in meshes:
+                mesh.apply_transform(np.vstack([shown[k], [0, 0, 0, 1]]))
+        elif outline is not None or (outline := _disc(layout.joints[k], box)) is not None:
+            meshes = [_turned(outline, box)]
+        else:
+            meshes = _boxes([_front(box, layout.joints[k], _corners(layout.boxes[root]))])
+        mesh = trimesh.util.concatenate(meshes)
+        paint = np.append(linear_to_srgb(np.clip(layout.colors[k], 0, 1)), 1.0)
+        mesh.visual.face_colors = np.round(255 * paint).astype(np.uint8)
+        joint, parent = layout.joints[k], int(layout.parents[k])
+        parts.append(Part(f"part_{k}", mesh, parent, joint))
+    return ArticulatedObject(tuple(parts))
+
+
+def _body(layout: Layout, box: np.ndarray) -> list[trimesh.Trimesh]:
+    """What the root is built of, as far as the layout tells."""
+    legs = [] if layout.legs is None else _legs(layout.legs)
+    if layout.panels is not None and len(layout.panels):
+        return _boxes(layout.panels.boxes) + legs
+    corners = _corners(box)
+    if layout.legs is not None and legs and layout.legs.alone:
+        corners[2] = max(corners[2], float(layout.legs.heights[:, 1].max()))
+    return _boxes([corners]) + legs
+
+
+def _corners(box: np.ndarray) -> np.ndarray:
+    """[6] lower and upper corner of a box as centre and size."""
+    return np.concatenate([box[:3] - box[3:] / 2, box[:3] + box[3:] / 2])
+
+
+def _front(box: np.ndarray, joint: Joint, body: np.ndarray) -> np.ndarray:
+    """Corners [6] of a moving part's box, told from its neighbours: ``SEAM`` smaller around, and
+    its front moved out by ``PROUD`` where it lies in a face of the body's box [6]. The front of a
+    slider faces along its way, that of a plate across it."""
+    corners = _corners(box)
+    if joint.type == "fixed":
+        return corners
+    slides = joint.type == "prismatic"
+    axis = int(np.abs(joint.direction).argmax()) if slides else int(box[3:].argmin())
+    seam = np.where(np.arange(3) == axis, 0, np.minimum(SEAM, box[3:] / 4))
+    corners = corners + np.concatenate([seam, -seam])
+    for face, out in ((axis, -PROUD), (axis + 3, PROUD)):
+        if abs(corners[face] - body[face]) < FLUSH:
+            corners[face] = body[face] + out
+    return corners
+
+
+def _boxes(corners: Sequence[np.ndarray] | np.ndarray) -> list[trimesh.Trimesh]:
+    """Meshes of boxes [N, 6] lower and upper corner."""
+    return [trimesh.creation.box(bounds=np.reshape(one, (2, 3))) for one in corners]
+
+
+def _legs(legs: Legs) -> list[trimesh.Trimesh]:
+    """Prisms between the legs' rectangles at both ends."""
+    meshes = []
+    for lower, upper, heights in zip(legs.lower, legs.upper, legs.heights, strict=True):
+        ends = [(lower, heights[0]), (upper, heights[1])]
+        points = [[x, y, z] for r, z in ends for x in (r[0], r[2]) for y in (r[1], r[3])]
+        meshes.append(trimesh.convex.convex_hull(np.array(points)))
+    return meshes
+
+
+def _disc(joint: Joint, box: np.ndarray) -> Revolution | None:
+    """The cylinder in a box that turns about its own middle and is as wide as it is high, as knobs
+    and turntables are; else None."""
+    axis = int(np.abs(joint.direction).argmax())
+    across = [i for i in range(3) if i != axis]
+    sides, beside = box[3:][across], np.abs(joint.origin - box[:3])[across]
+    round_ = sides.min() > ROUND * sides.max() and beside.max() < (1 - ROUND) * sides.min()
+    if not joint.rotates or abs(joint.direction[axis]) < STRAIGHT or not round_:
+        return None
+    return Revolution(axis, box[:3][across], np.full(2, sides.min() / 2))
+
+
+def _turned(outline: Revolution, box: np.ndarray) -> trimesh.Trimesh:
+    """The solid of revolution of an outline, as long as its part's box."""
+    axis, count = outline.axis, len(outline.radii)
+    heights = np.linspace(-0.5, 0.5, count + 1) * box[3 + axis] + box[axis]
+    profile = [(0.0, heights[0])]
+    for radius, low, high in zip(outline.radii, heights[:-1], heights[1:], strict=True):
+        profile += [(radius, low), (radius, high)]
+    mesh = trimesh.creation.revolve(np.array([*profile, (0.0, heights[-1])]), sections=32)
+    across = [i for i in range(3) if i != axis]
+    points = np.empty_like(mesh.vertices)
+    points[:, axis] = mesh.vertices[:, 2]
+    points[:, across] = mesh.vertices[:, :2] + outline.center
+    faces = mesh.faces if axis != 1 else mesh.faces[:, ::-1]  # x, z in order are a left hand
+    return trimesh.Trimesh(points, faces, process=False)
