@@ -29,7 +29,7 @@ from stepped_copies import DENSITY, speed
 from uniart_jax import procedural
 from uniart_jax.data.sources import find_entries
 from uniart_jax.export.asset import save_asset
-from uniart_jax.export.budget import shape_count, within_budget
+from uniart_jax.export.budget import within_budget
 from uniart_jax.export.collision_kinds import check_collision
 from uniart_jax.export.placement import place
 from uniart_jax.export.volume_error import volume_error
@@ -167,7 +167,7 @@ def figures(
         ]
         weights = [b.mass for b in bodies]
         return {
-            "shapes": shape_count(bodies),
+            "shapes": sum(len(body.shapes) for body in bodies),
             "MB": megabytes(asset),
             "error": float(np.average(errors, weights=weights)),
             "seconds": seconds,

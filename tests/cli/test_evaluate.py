@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+from inspect import signature
 
 import numpy as np
 import pytest
 
+from uniart_jax.cli.evaluation import USES, evaluate
 from uniart_jax.evaluation import compare as frame
 
 pytestmark = pytest.mark.usefixtures("small_pictures")
@@ -42,6 +44,11 @@ def test_a_folder_of_predictions(run, folders, tmp_path, monkeypatch):
     assert code == 0 and "3 of 3 were made before" in err
 
 
+def test_every_option_goes_with_a_use():
+    named = {"what", "root", "out", "processes"}.union(*(use.takes for use in USES.values()))
+    assert named == set(signature(evaluate).parameters)
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
@@ -66,6 +73,9 @@ def test_a_folder_of_predictions(run, folders, tmp_path, monkeypatch):
         (("procedural", "--unseen", "--families", "kettle"), "--unseen: it takes no --families"),
         (("layout", "--unseen", "--families", "kettle"), "layout --unseen: it takes no --families"),
         (("procedural", "ref"), "it has no images"),
+        (("layout", "ref", "--unseen"), "evaluate layout ROOT: it takes no --unseen"),
+        (("physics", "--allow-outside"), "physics without ROOT: it takes no --allow-outside"),
+        (("representation", "--checkpoint", "nano"), "which goes with baselines, procedural, "),
     ],
 )
 def test_mistakes_are_one_line_and_write_nothing(

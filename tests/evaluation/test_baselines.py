@@ -221,12 +221,13 @@ def test_the_command(tmp_path, monkeypatch):
     given = {"count": 128, "unseen": True, "openshape": None, "processes": 3}
     records = Path("records")
     assert asked == {"args": ("nano", tmp_path), "records": records, "library": [], **given}
-    fronts = ({"front": "+x"}, {"ref_front": "+x"})
-    for wrong in ({"only": ("surface",)}, {"samples": "best"}, {"pictures": 3}, *fronts):
+    references = ({"only": ("surface",)}, {"samples": "best"}, {"ref_front": "+x"})
+    for wrong in ({"pictures": 3}, *references):
         with pytest.raises(ValueError, match="evaluate baselines: it takes no --"):
             evaluate("baselines", out=tmp_path, **wrong)
-    with pytest.raises(ValueError, match="without --library: it takes no --allow-outside"):
-        evaluate("baselines", out=tmp_path, allow_outside=True)
+    for wrong, named in (({"allow_outside": True}, "allow-outside"), ({"front": "+x"}, "front")):
+        with pytest.raises(ValueError, match=f"without --library: it takes no --{named}"):
+            evaluate("baselines", out=tmp_path, **wrong)
     with pytest.raises(ValueError, match="evaluate physics: it takes no --library"):
         evaluate("physics", out=tmp_path, library=tmp_path)
     with pytest.raises(FileNotFoundError, match="library 'nowhere': no such folder"):

@@ -14,7 +14,6 @@ from flax import nnx
 from uniart_jax.config import Config, DataConfig, LayoutConfig, ModelConfig
 from uniart_jax.models.box_sets import (
     LEG_ROW,
-    PANEL_ROW,
     BoardDecoder,
     BoxSetDecoder,
     LegDecoder,
@@ -60,7 +59,7 @@ def params():
 @pytest.mark.parametrize("name", SETS)
 def test_they_come_with_the_parts(name, params):
     found, (count, decoder) = apply(params, IMAGE)[name], SETS[name]
-    row = LEG_ROW if name == "legs" else PANEL_ROW
+    row = LEG_ROW if name == "legs" else 6  # lower and upper corner
     sets = (2, SMALL.queries) if name == "boards" else (2,)  # one a part
     assert [r.shape for r in found["rows"]] == [(*sets, count, row)] * (decoder.RUNS + 1)
     for kind in ("exists", "plinth", "fill") if name == "legs" else ("exists",):

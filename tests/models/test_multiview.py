@@ -11,7 +11,7 @@ from test_dinov2 import NETWORK
 from toy import build, init
 
 from uniart_jax.models import multiview
-from uniart_jax.models.multiview import average_views, camera_matrices, multiview_features
+from uniart_jax.models.multiview import add_views, intrinsic_matrices, multiview_features
 
 project, sample_patches = jax.jit(multiview.project), jax.jit(multiview.sample_patches)
 FOV = np.deg2rad(40)
@@ -27,9 +27,21 @@ def orbit(azimuth, elevation=0.0, radius=2.0):
     return pose
 
 
+def matrices(camera_to_world):
+    """Extrinsics and intrinsics of cameras [M, 4, 4] in Blender's convention."""
+    poses = np.array(camera_to_world)
+    poses[:, :3, 1:3] *= -1
+    return np.linalg.inv(poses).astype(np.float32), intrinsic_matrices(np.full(len(poses), FOV))
+
+
 def cameras(count):
     angles = np.linspace(0, 2 * np.pi, count, endpoint=False)
-    return camera_matrices(np.stack([orbit(a, 0.3) for a in angles]), FOV)
+    return matrices([orbit(a, 0.3) for a in angles])
+
+
+def mean_of_views(patches, extrinsics, intrinsics, points):
+    start = np.zeros((len(points), patches.shape[-1]), np.float32)
+    return add_views(start, patches, extrinsics, intrinsics, points) / len(patches)
 
 
 def centers(count, seed=0):
@@ -37,13 +49,13 @@ def centers(count, seed=0):
 
 
 def test_projection_by_hand():
-    extrinsics, intrinsics = camera_matrices(orbit(0.0)[None], FOV)  # on +x: y right, z up
+    extrinsics, intrinsics = matrices([orbit(0.0)])  # on +x: y right, z up
     reach = 2.0 * np.tan(FOV / 2)  # half the picture at the origin's depth
     points = np.array([[0, 0, 0], [0, reach, 0], [0, 0, reach / 2], [1, reach / 2, 0], [3, 0, 0]])
     uv = project(np.float32(points), extrinsics[0], intrinsics[0])
     np.testing.assert_allclose(uv[:4], [[0, 0], [1, 0], [0, -0.5], [1, 0]], atol=1e-6)
     assert (np.abs(uv[4]) > 100).all()  # behind the camera
-    tele = camera_matrices(np.stack([orbit(0.0)] * 2), [FOV, FOV / 2])[1]
+    tele = intrinsic_matrices([FOV, FOV / 2])
     ratio = np.tan(FOV / 2) / np.tan(FOV / 4)
     np.testing.assert_allclose(
         tele[:, 0, 0], [0.5 / np.tan(FOV / 2), 0.5 / np.tan(FOV / 2) * ratio]
@@ -69,11 +81,11 @@ def test_a_voxel_at_the_centre_reads_every_pictures_middle():
     extrinsics, intrinsics = cameras(5)
     patches = np.zeros((5, 3, 3, 2), np.float32)
     patches[:, 1, 1, 0], patches[:, 1, 1, 1] = np.arange(5), 1.0
-    mean = average_views(patches, extrinsics, intrinsics, np.zeros((1, 3), np.float32))
+    mean = mean_of_views(patches, extrinsics, intrinsics, np.zeros((1, 3), np.float32))
     np.testing.assert_allclose(mean, [[2.0, 1.0]], atol=1e-4)
 
 
-def test_the_mean_is_of_all_views_and_padding_is_zero():
+def test_the_mean_is_of_all_views():
     rng = np.random.default_rng(1)
     extrinsics, intrinsics = cameras(7)
     patches, points = rng.normal(size=(7, 5, 5, 3)).astype(np.float32), centers(20)
@@ -84,13 +96,8 @@ def test_the_mean_is_of_all_views_and_padding_is_zero():
         ],
         0,
     )
-    np.testing.assert_allclose(
-        average_views(patches, extrinsics, intrinsics, points), expected, atol=1e-5
-    )
-    padded = np.concatenate([points, np.full((6, 3), np.nan, np.float32)])
-    found = average_views(patches, extrinsics, intrinsics, padded, 20)
-    np.testing.assert_allclose(found[:20], expected, atol=1e-5)
-    assert not np.asarray(found[20:]).any()
+    found = mean_of_views(patches, extrinsics, intrinsics, points)
+    np.testing.assert_allclose(found, expected, atol=1e-5)
 
 
 def test_memory_does_not_grow_with_the_views():
@@ -99,7 +106,8 @@ def test_memory_does_not_grow_with_the_views():
 
     def temporaries(views):
         shape = jax.ShapeDtypeStruct
-        compiled = average_views.lower(
+        compiled = add_views.lower(
+            shape((1000, 64), jnp.float32),
             shape((views, 9, 9, 64), jnp.float32),
             shape((views, 4, 4), jnp.float32),
             shape((views, 3, 3), jnp.float32),
@@ -110,16 +118,18 @@ def test_memory_does_not_grow_with_the_views():
     assert temporaries(8) == temporaries(64)
 
 
-def test_features_computed_on_the_way_are_those_computed_first():
+def test_features_computed_on_the_way_are_those_computed_first_and_padding_is_zero():
     params = init(NETWORK)
     images = np.random.default_rng(0).random((5, 16, 16, 3), np.float32)
     extrinsics, intrinsics = cameras(5)
     patches = jax.jit(NETWORK.apply)(params, images)["patches"]
-    expected = average_views(patches, extrinsics, intrinsics, centers(30), 25)
+    points = centers(30)
+    expected = np.array(mean_of_views(patches, extrinsics, intrinsics, points))
+    points[25:], expected[25:] = np.nan, 0
     for chunk in (2, 5, 8):  # the last chunk is not full, or none is
         views = iter(images) if chunk == 2 else images
         found = multiview_features(
-            NETWORK, params, views, extrinsics, intrinsics, centers(30), 25, chunk=chunk
+            NETWORK, params, views, extrinsics, intrinsics, points, 25, chunk=chunk
         )
         np.testing.assert_allclose(found, expected, atol=1e-5)
     for number in (0, 4, 6):

@@ -12,7 +12,6 @@ from uniart_jax.data.records import decode_color, decode_sdf
 from uniart_jax.models.aggregation import AGGREGATIONS, Front
 from uniart_jax.models.voxel_batch import cell_color, cell_sdf, voxel_boxes, voxel_codes
 from uniart_jax.nn.blocks import linear
-from uniart_jax.training.flow_losses import decoded_losses
 
 
 @pytest.mark.parametrize(
@@ -240,25 +239,3 @@ def test_stored_cells_are_decoded_on_the_device():
     np.testing.assert_allclose(cell_color(jnp.asarray(bytes_)), decode_color(bytes_), atol=1e-6)
     for cells in (cell_sdf, cell_color):
         np.testing.assert_array_equal(cells(jnp.linspace(-1, 1, 5)), jnp.linspace(-1, 1, 5))
-
-
-def test_the_decoded_loss_is_least_at_the_true_latent_and_moves_only_the_guess():
-    model = vae_config()
-    network, batch = build("uniart_vae", model), voxel_batch(model)
-    params = init(network)
-    truth = np.random.default_rng(3).normal(size=(2, 70, 4)).astype(np.float32)
-    rows = np.int32([[0, 5, 60], [36, 2, 2]])
-
-    @jax.jit
-    def both(guess, truth):
-        def total(guess, truth):
-            terms = decoded_losses(network, params, guess, truth, batch, rows)
-            return sum(terms.values()), terms
-
-        return jax.value_and_grad(total, (0, 1), has_aux=True)(guess, truth)
-
-    (right, terms), _ = both(truth, truth)
-    assert float(terms["sdf"] + terms["color"]) < 1e-6 < float(terms["sign"])
-    (wrong, found), (moved, still) = both(truth + 1.0, truth)
-    assert wrong > right and found["sdf"] > 0 and found["color"] > 0
-    assert np.isfinite(moved).all() and np.abs(moved[0]).max() > 0 and not still.any()

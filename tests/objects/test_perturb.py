@@ -2,24 +2,16 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pytest
 import trimesh
-from PIL import Image
-from trimesh.visual import ColorVisuals, TextureVisuals
-from trimesh.visual.material import PBRMaterial, SimpleMaterial
 
 from uniart_jax import procedural
-from uniart_jax.objects.appearance import sample_color, srgb_to_linear
 from uniart_jax.objects.kinematics import JOINT_TYPES, Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
 from uniart_jax.objects.perturb import (
-    color_gains,
     draw_joint,
     part_factors,
-    recolor_parts,
     scale_parts,
 )
 
@@ -167,57 +159,20 @@ def test_drawn_factors_fit_the_joints(joint, equal):
     assert np.array_equal(part_factors(obj, np.random.default_rng(0), 0), np.ones((3, 3)))
 
 
-def colored(kind):
-    mesh = trimesh.creation.icosphere(1)
-    rng = np.random.default_rng(0)
-    if kind in ("face", "vertex"):
-        count = len(mesh.faces if kind == "face" else mesh.vertices)
-        colors = np.c_[rng.integers(0, 200, (count, 3)), np.full(count, 255)].astype(np.uint8)
-        mesh.visual = ColorVisuals(mesh, **{f"{kind}_colors": colors})
-    elif kind != "none":
-        image = Image.fromarray(rng.integers(0, 200, (16, 16, 3)).astype(np.uint8))
-        uv = rng.uniform(-1, 2, (len(mesh.vertices), 2))
-        material = {
-            "texture": SimpleMaterial(image=image),
-            "tinted": PBRMaterial(baseColorTexture=image, baseColorFactor=[128, 255, 64, 255]),
-            "plain": PBRMaterial(baseColorFactor=[128, 200, 64, 255]),
-        }[kind]
-        mesh.visual = TextureVisuals(uv=uv, material=material)
-    return mesh
-
-
-@pytest.mark.parametrize("kind", ["face", "vertex", "texture", "tinted", "plain", "none"])
-def test_recolouring(kind):
-    obj = ArticulatedObject((Part("ball", colored(kind)),))
-    rng = np.random.default_rng(1)
-    face = rng.integers(0, len(obj.parts[0].mesh.faces), 200)
-    weight = rng.dirichlet([1, 1, 1], 200)
-    before = sample_color(obj.parts[0].mesh, face, weight)
-    gain = np.array([[0.5, 1.2, 0.9]])
-    found = recolor_parts(obj, gain)
-    assert np.array_equal(found.parts[0].mesh.vertices, obj.parts[0].mesh.vertices)
-    assert np.array_equal(found.parts[0].mesh.faces, obj.parts[0].mesh.faces)
-    after = sample_color(found.parts[0].mesh, face, weight)
-    step = srgb_to_linear(np.array([254.0, 255.0]) / 255)  # the widest of 256 steps
-    assert np.abs(after - before * gain).max() <= 2 * (step[1] - step[0])
-    assert np.array_equal(sample_color(obj.parts[0].mesh, face, weight), before)  # left as it was
-    bright = sample_color(recolor_parts(obj, gain * 1000).parts[0].mesh, face, weight)
-    assert bright.max() == pytest.approx(1, abs=1e-6)
-    if kind != "none":
-        same = sample_color(recolor_parts(obj, np.ones((1, 3))).parts[0].mesh, face, weight)
-        assert np.abs(same - before).max() <= (0 if kind not in ("tinted", "plain") else 0.005)
-
-
-def test_recolouring_leaves_geometry_and_joints_bit_for_bit():
-    obj = procedural.generate("oven", 1)
-    gains = color_gains(len(obj.parts), np.random.default_rng(0), 0.3)
-    found = recolor_parts(obj, gains)
-    for a, b in zip(obj.parts, found.parts, strict=True):
-        assert np.array_equal(a.mesh.vertices, b.mesh.vertices)
-        assert np.array_equal(a.mesh.faces, b.mesh.faces)
-        assert a.joint is b.joint and dataclasses.replace(b, mesh=a.mesh) == a
-    with pytest.raises(ValueError, match="gains of shape"):
-        recolor_parts(obj, gains[:-1])
+@pytest.mark.parametrize(
+    ("angle", "travel", "before", "after"),
+    [
+        ((0, 0), (-0.001, 0.005), "prismatic", "fixed"),
+        ((-0.5, 1), (0.002, -0.004), "screw", "revolute"),
+        ((-4, 8), (-0.002, 0.004), "screw", "continuous"),
+    ],
+)
+def test_travel_that_becomes_too_small_to_be_any(angle, travel, before, after):
+    meshes = [trimesh.creation.box([1, 0.5, 0.5]), trimesh.creation.box([0.2, 0.2, 0.7])]
+    joint = Joint([0.1, 0.2, 0], [0, 0, 1], angle, travel)
+    obj = ArticulatedObject((Part("a", meshes[0]), Part("b", meshes[1], 0, joint)))
+    assert obj.joints[1].type == before
+    assert scale_parts(obj, [1.0, 0.5]).joints[1].type == after
 
 
 def test_drawn_joints_are_of_every_type_and_within_reach():

@@ -15,7 +15,7 @@ from parity_ops import check_ops
 from uniart_jax.config import ModelConfig, UniArtVAEConfig
 from uniart_jax.models.dinov2 import IMAGE_MEAN, IMAGE_STD
 from uniart_jax.models.gaussian_decoder import activated, gaussian_parameters
-from uniart_jax.models.multiview import average_views, project
+from uniart_jax.models.multiview import add_views, project
 from uniart_jax.models.network import build
 from uniart_jax.nn.grids import flow_plan
 from uniart_jax.nn.voxel_plans import voxel_plans
@@ -180,13 +180,13 @@ def check_features(case):
     )
     side = case.config["patches"]
     patches = case.inputs["patchtokens"].reshape(len(cameras[0]), side, side, -1)
-    projected = jax.jit(project)
+    none, projected = np.zeros((len(positions), patches.shape[-1]), np.float32), jax.jit(project)
     for m, (extrinsic, intrinsic) in enumerate(zip(*cameras, strict=True)):
         uv = projected(positions, extrinsic, intrinsic)
         np.testing.assert_allclose(uv, case.outputs["uv"][m], **CLOSE)
-        one = average_views(patches[m : m + 1], extrinsic[None], intrinsic[None], positions)
+        one = add_views(none, patches[m : m + 1], extrinsic[None], intrinsic[None], positions)
         np.testing.assert_allclose(one, case.outputs["per_view"][m], **CLOSE)
-    mean = average_views(patches, *cameras, positions)
+    mean = add_views(none, patches, *cameras, positions) / len(patches)
     np.testing.assert_allclose(mean, case.outputs["mean"], **CLOSE)
 
 

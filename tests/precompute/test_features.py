@@ -281,5 +281,5 @@ def test_prepare_makes_the_column_too(tmp_path):
     cli.prepare("procedural", out=out, part_features="geometric", processes=2, **options)
     source = RecordSource(out, columns=("part_feature",))
     assert source[1].part_feature.shape == (len(source[1].coords), 23)
-    with pytest.raises(ValueError, match="--part-features is of records of objects"):
+    with pytest.raises(ValueError, match="no --part-features, which goes with procedural"):
         cli.prepare("layouts", out=tmp_path / "layouts", part_features="geometric")

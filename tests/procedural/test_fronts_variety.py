@@ -5,9 +5,9 @@ from collections.abc import Iterable
 
 import numpy as np
 import pytest
+from compare_worlds import object_values
 
 from uniart_jax import procedural
-from uniart_jax.evaluation.worlds import object_values
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.procedural import finishes, hinges, materials
 

@@ -17,7 +17,7 @@ DEBUG = Path(__file__).parents[2] / "configs/debug.py"
 
 def toy(folder: Path) -> Config:
     """``configs/debug.py`` on a coarser grid, with what only nano sets: no mirrored latents, flows
-    that see layouts, losses per part, on readouts, on pure noise, on what is decoded."""
+    that see layouts, losses per part, on readouts, on pure noise."""
     debug = load_config(DEBUG)
     model, smaller = debug.model, dataclasses.replace
     encoder = smaller(
@@ -56,9 +56,7 @@ def toy(folder: Path) -> Config:
             image_warp=0.03,
             layout_errors=0.5,
         ),
-        loss=LossConfig(
-            voxels_per_object=64, part_share=0.5, readout_share=0.5, noise_share=0.5, decoded=0.5
-        ),
+        loss=LossConfig(voxels_per_object=64, part_share=0.5, readout_share=0.5, noise_share=0.5),
         **dict.fromkeys(NETWORKS, stage),
         sample_structure=StructureSampleConfig(steps=1),
         sample_latent=LatentSampleConfig(steps=1),

@@ -11,7 +11,7 @@ import select
 import signal
 import sys
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Annotated
 
@@ -103,6 +103,22 @@ def check_out(
         if place.exists() and not place.is_dir():
             raise ValueError(f"output '{place}': a file of that name exists; choose another --out")
     check_target(folder, overwrite, inputs=inputs, marks=marks or MARKS)
+
+
+def check_options(
+    command: str, use: str, asked: Collection[str], takes: Mapping[str, Collection[str]]
+) -> None:
+    """Refuse options that belong to other uses of a command.
+
+    Args:
+      asked: names of the options that are given. takes: of each use, those that it takes.
+    """
+    for name in asked:
+        if name not in takes[use]:
+            others = ", ".join(other for other, names in takes.items() if name in names)
+            raise ValueError(
+                f"{command} {use}: it takes no --{name.replace('_', '-')}, which goes with {others}"
+            )
 
 
 def run_physics_checks(folder: Path, found: list[dict]) -> dict:

@@ -7,18 +7,45 @@ import functools
 import os
 import shlex
 import sys
+from inspect import signature
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import tyro
 
-from uniart_jax.cli.arguments import Out, Overwrite, check_out, shard_numbers
+from uniart_jax.cli.arguments import Out, Overwrite, check_options, check_out, shard_numbers
 from uniart_jax.config import World
+
+if TYPE_CHECKING:
+    from uniart_jax.data.folder import Settings
+    from uniart_jax.data.sources import Entry
+    from uniart_jax.data.splits import Rule
+
+
+SHARED = ("source", "root", "out", "processes")  # what every source takes
+DRAWN = ("procedural", "layouts")  # sources that need no files
+# What metadata.json holds as it is given (``data.folder.Settings``).
+STORED = (
+    *("start_seed", "resolution", "subdivisions", "max_parts", "views", "states", "part_scale"),
+    *("shard_size", "strict", "allow_outside", "front", "orbit_views", "orbit_size"),
+)
+RECORDS = (  # options of every source of records
+    *("count", "resolution", "subdivisions", "max_parts", "views", "image_size", "states"),
+    *("part_scale", "orbit_views", "orbit_size", "shard", "shard_size", "runner", "beam_options"),
+    "part_features",
+)
+ASSETS = (*RECORDS, "split", "split_list", "strict", "allow_outside", "front")
+OPTIONS = {
+    "procedural": (*RECORDS, "start_seed", "families", "world"),
+    "partnet-mobility": ASSETS,
+    "urdf": ASSETS,
+    "layouts": ("count", "first_block", "world", "image_size"),
+}
 
 
 def prepare(
     source: Annotated[
-        Literal["procedural", "partnet-mobility", "urdf", "layouts", "found"],
+        Literal["procedural", "partnet-mobility", "urdf", "layouts"],
         tyro.conf.Positional,
     ],
     root: Annotated[Path | None, tyro.conf.Positional] = None,
@@ -49,7 +76,6 @@ def prepare(
     processes: int | None = None,
     runner: Literal["local", "beam"] = "local",
     beam_options: str = "",
-    checkpoint: str = "nano",
     part_features: Literal["none", "geometric"] = "none",
 ) -> None:
     """Make training records. Can be killed and run again: finished shards are kept.
@@ -59,10 +85,7 @@ def prepare(
           without voxels; of the options --count, --world, --image-size and --processes.
           "procedural": drawn here. "partnet-mobility": its folders under ROOT. "urdf": every URDF,
             MJCF and object.json under ROOT.
-            "found": records of the folder ROOT once more, on the voxels that a checkpoint finds in
-              their first --views pictures, for a decoder that learns from them (--loss.sampled,
-              --loss.found).
-        root: Folder of assets, or of records.
+        root: Folder of assets.
         count: Objects (default: procedural 1000, else all).
         start_seed: procedural: seed of the first object; seeds from 1,000,000 on are held out and
           never trained on.
@@ -96,111 +119,88 @@ def prepare(
         processes: Worker processes (default: one a core).
         runner: "beam": by Apache Beam (pip install 'uniart_jax[beam]').
         beam_options: Options of the Beam pipeline, as one string.
-        checkpoint: found: the model that finds the voxels.
         part_features: "geometric": also the column "part_feature", of the shape around each voxel,
           as `uniart features --part-features geometric` makes it.
     """
-    from uniart_jax.data import prepare as records
-    from uniart_jax.data.folder import Settings
-    from uniart_jax.procedural import WORLDS
-
+    given = dict(locals())
     part = shard_numbers(shard)
-    if first_block < 0 or (first_block and source != "layouts"):
-        raise ValueError(f"prepare: --first-block is of layouts, 0 or more; got {first_block}")
     for name, value in (("count", count), ("processes", processes)):
         if value is not None and value < 1:
             raise ValueError(f"prepare: --{name} must be at least 1, got {value}")
-    if source != "procedural" and (families is not None or start_seed):
-        raise ValueError("prepare: --families and --start-seed are of procedural objects")
-    if part_features != "none" and source in ("layouts", "found"):
-        raise ValueError("prepare: --part-features is of records of objects")
-    if world != "seven" and (families is not None or source not in ("procedural", "layouts")):
-        raise ValueError(
-            "prepare: --world is of procedural objects and layouts, and instead of --families"
-        )
-    if source == "found":
-        from uniart_jax.precompute.found import prepare_found
-
-        if root is None:
-            raise ValueError(
-                "prepare: give the folder of records: uniart prepare found RECORDS --out OUT"
-            )
-        if (
-            count
-            or start_seed
-            or families
-            or split != "none"
-            or shard != "0/1"
-            or runner != "local"
-        ):
-            raise ValueError(
-                "prepare: found takes --checkpoint and --views, and all of its records"
-            )
-        prepare_found(root, Path(out), checkpoint, views)
-        return
-    drawn = WORLDS[world] if families is None else families
+    if first_block < 0:
+        raise ValueError(f"prepare: --first-block must be at least 0, got {first_block}")
+    usual = signature(prepare).parameters
+    asked = [name for name, value in given.items() if value != usual[name].default]
+    check_options("prepare", source, [name for name in asked if name not in SHARED], OPTIONS)
+    if families is not None and world != "seven":
+        raise ValueError("prepare: --world is instead of --families; give one of them")
+    if root is not None and source in DRAWN:
+        raise ValueError(f"prepare {source}: it takes no ROOT; its objects are drawn")
     workers = processes or max(2, os.cpu_count() or 1)  # one would be this process itself
     if source == "layouts":
-        from uniart_jax.data.layouts import LayoutSettings, prepare_layouts
-
-        made = LayoutSettings(families=drawn)
-        if image_size is not None:
-            made = dataclasses.replace(made, image_size=image_size)
-        prepare_layouts(out, count or 1000, made, workers, first_block)
+        _prepare_layouts(out, count or 1000, world, image_size, workers, first_block)
         return
+    from uniart_jax.data import prepare as records
+    from uniart_jax.data.folder import Settings
+
+    stored = {name: given[name] for name in STORED}
+    settings = Settings(
+        source=source,
+        root="" if root is None else str(root),
+        image_size=128 if image_size is None else image_size,
+        **stored,
+    )
+    if source == "procedural":
+        from uniart_jax.procedural import WORLDS
+
+        drawn = WORLDS[world] if families is None else families
+        entries, settings = records.procedural_entries(settings, count or 1000, drawn)
+    else:
+        entries, settings = _asset_entries(settings, root, count, split, split_list)
     run = None
     if runner == "beam":
         from uniart_jax.data.beam import check_beam, run_beam
 
         check_beam()
         run = functools.partial(run_beam, options=shlex.split(beam_options))
-    settings = Settings(
-        source=source,
-        start_seed=start_seed,
-        root="" if root is None else str(root),
-        resolution=resolution,
-        subdivisions=subdivisions,
-        max_parts=max_parts,
-        views=views,
-        image_size=128 if image_size is None else image_size,
-        states=states,
-        part_scale=part_scale,
-        shard_size=shard_size,
-        strict=strict,
-        allow_outside=allow_outside,
-        front=front,
-        orbit_views=orbit_views,
-        orbit_size=orbit_size,
-    )
-    if source == "procedural":
-        if root is not None or split != "none" or split_list is not None:
-            raise ValueError(
-                "prepare: procedural objects have no ROOT and no --split; their seeds and "
-                "families are their split"
-            )
-        entries, settings = records.procedural_entries(
-            settings, 1000 if count is None else count, drawn
-        )
-    else:
-        if root is None:
-            raise ValueError(
-                f"prepare: give the folder of assets: uniart prepare {source} ROOT --out OUT"
-            )
-        from uniart_jax.data import sources, splits
-
-        found = sources.find_entries(root, source)
-        listed = None
-        if split_list is not None:
-            listed, warned = splits.read_list(split_list)
-            for line in warned:
-                print(f"warning: {line}", file=sys.stderr)
-        entries = splits.assign(found, split, listed)[:count]
-        settings = dataclasses.replace(settings, split=splits.rule_digest(split, split_list))
     records.prepare(out, entries, settings, processes=workers, part=part, run=run)
     if part_features == "geometric":
         from uniart_jax.precompute.features import write_geometric_features
 
         write_geometric_features(out, part=part)
+
+
+def _prepare_layouts(
+    out: Path, count: int, world: World, image_size: int | None, workers: int, first_block: int
+) -> None:
+    from uniart_jax.data.layouts import LayoutSettings, prepare_layouts
+    from uniart_jax.procedural import WORLDS
+
+    settings = LayoutSettings(families=WORLDS[world])
+    if image_size is not None:
+        settings = dataclasses.replace(settings, image_size=image_size)
+    prepare_layouts(out, count, settings, workers, first_block)
+
+
+def _asset_entries(
+    settings: Settings, root: Path | None, count: int | None, split: Rule, split_list: Path | None
+) -> tuple[list[Entry], Settings]:
+    """The first ``count`` assets below ``root``, each with its split, and the settings that name
+    the rule."""
+    if root is None:
+        source = settings.source
+        raise ValueError(
+            f"prepare: give the folder of assets: uniart prepare {source} ROOT --out OUT"
+        )
+    from uniart_jax.data import sources, splits
+
+    found, listed = sources.find_entries(root, settings.source), None
+    if split_list is not None:
+        listed, warned = splits.read_list(split_list)
+        for line in warned:
+            print(f"warning: {line}", file=sys.stderr)
+    entries = splits.assign(found, split, listed)[:count]
+    return entries, dataclasses.replace(settings, split=splits.rule_digest(split, split_list))
 
 
 def features(

@@ -4,14 +4,14 @@ representation, of assets in simulators."""
 from __future__ import annotations
 
 import os
+from collections.abc import Callable, Collection
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, NamedTuple
 
 import tyro
 
-from uniart_jax.cli.arguments import Out
+from uniart_jax.cli.arguments import Out, check_options
 
-OWN = ("baselines", "procedural", "layout", "representation", "physics")
 Engines = tuple[Literal["mujoco", "pybullet"], ...]
 Samples = Literal["mean", "best", "first"]
 Front = Literal["-x", "+x", "-y", "+y"]
@@ -91,156 +91,52 @@ def evaluate(
         front: PRED REF, --library: which way predictions or assets face (default -x), as prepare's.
         ref_front: PRED REF: the same of references.
     """
+    asked = _given(dict(locals()))
     for name, value in (("count", count), ("processes", processes)):
         if value is not None and value < 1:
             raise ValueError(f"evaluate: --{name} must be at least 1, got {value}")
     if out.exists() and not out.is_dir():
         raise ValueError(f"output '{out}': a file of that name exists; choose another --out")
-    workers = processes or min(os.cpu_count() or 1, 8)
-    if what not in OWN:
-        _refuse(
-            "PRED REF",
-            checkpoint=checkpoint,
-            count=count,
-            records=records,
-            library=library,
-            pictures=pictures,
-            pred=pred,
-            cache=cache,
-            unseen=unseen,
-            families=families,
-            first_seed=first_seed,
-            backgrounds=backgrounds,
-            engines=engines,
-        )
-        _compare(
-            Path(what),
-            root,
-            out,
-            samples=samples or "mean",
-            only=only,
-            openshape=openshape,
-            processes=workers,
-            allow_outside=allow_outside,
-            front=front or "-x",
-            ref_front=ref_front or "-x",
-        )
-        return
-    _refuse(what, samples=samples, only=only, ref_front=ref_front)
-    if unseen:
-        _refuse(f"{what} --unseen", families=families)
+    use = what if what in OWN else "PRED REF"
+    check_options("evaluate", use, asked, {name: one.takes for name, one in USES.items()})
+    _check_folder(use, asked, library if use == "baselines" else root)
+    if unseen and families:
+        raise ValueError(f"evaluate {use} --unseen: it takes no --families")
     if families:
         from uniart_jax.procedural import check_families
 
         check_families(families)
-    if what != "baselines":
-        _refuse(what, library=library)
-    if library is None:
-        _refuse(what, front=front)
-    if what == "layout":
-        _refuse(what, records=records, pictures=pictures, openshape=openshape, engines=engines)
-        if root is None:
-            _refuse(what, allow_outside=allow_outside, cache=cache)
-        else:
-            _refuse(f"{what} ROOT", unseen=unseen, families=families, first_seed=first_seed)
-        from uniart_jax.evaluation.layout import evaluate_layout
-
-        evaluate_layout(
-            checkpoint or "nano", out, root=root, count=count, unseen=unseen, families=families,
-            pred=pred, cache=cache, allow_outside=allow_outside, processes=workers,
-            backgrounds=backgrounds, first_seed=first_seed,
-        )  # fmt: skip
-        return
-    _refuse(what, pred=pred, cache=cache, backgrounds=backgrounds)
-    if what != "procedural":
-        _refuse(what, families=families, first_seed=first_seed)
-    if what == "baselines":
-        _refuse(what, pictures=pictures, engines=engines)
-        if library is None:
-            _refuse(f"{what} without --library", allow_outside=allow_outside)
-        if root is not None:
-            raise ValueError(
-                "evaluate baselines: it takes no folder; REF are held-out procedural objects"
-            )
-        from uniart_jax.evaluation.baselines import evaluate_baselines
-        from uniart_jax.evaluation.library import find_assets
-        from uniart_jax.runtime.compilation_cache import enable_compilation_cache
-
-        assets = []
-        if library is not None:
-            assets = find_assets(library, front=front or "-x", allow_outside=allow_outside)
-        enable_compilation_cache()
-        evaluate_baselines(
-            checkpoint or "nano",
-            out,
-            records=records,
-            library=assets,
-            count=count or 128,
-            unseen=unseen,
-            openshape=openshape,
-            processes=workers,
-        )
-        return
-    _refuse(what, openshape=openshape)
-    if what == "physics":
-        if records is not None or (root is not None and unseen):
-            raise ValueError(
-                "evaluate physics: it takes no --records, and no --unseen with a folder of assets"
-            )
-        from uniart_jax.evaluation.physics import evaluate_physics
-
-        evaluate_physics(
-            out,
-            root=root,
-            checkpoint=checkpoint,
-            count=count,
-            unseen=unseen,
-            engines=engines,
-            allow_outside=allow_outside,
-            processes=workers,
-        )
-        return
-    if root is not None:
-        if what != "representation":
-            raise ValueError(
-                "evaluate: a folder of assets goes with 'representation' or 'physics'; it has no "
-                "images"
-            )
-        from uniart_jax.evaluation.assets import evaluate_assets
-
-        evaluate_assets(root, out, count=count, processes=workers, allow_outside=allow_outside)
-        return
-    from uniart_jax.evaluation import procedural
-    from uniart_jax.runtime.compilation_cache import enable_compilation_cache
-
-    enable_compilation_cache()
-    share: dict[str, Any] = {
-        "unseen": unseen,
-        "processes": workers,
-    }
-    if what == "representation":
-        procedural.evaluate_representation(out, count=count or 128, **share)
+    workers = processes or min(os.cpu_count() or 1, 8)
+    if use == "PRED REF":
+        _compare(Path(what), root, out, workers, **asked)
     else:
-        procedural.evaluate_checkpoint(
-            checkpoint or "nano",
-            out,
-            count=count or 128,
-            records=records,
-            pictures=16 if pictures is None else pictures,
-            families=families,
-            first_seed=first_seed,
-            **share,
-        )
+        USES[use].run(root, out, workers, **asked)
 
 
-def _refuse(what: str, **options: Any) -> None:
-    """Options that belong to the other uses of the command."""
-    for name, value in options.items():
-        if value:
-            raise ValueError(f"evaluate {what}: it takes no --{name.replace('_', '-')}")
+def _given(options: dict[str, Any]) -> dict[str, Any]:
+    """Those of a command line's options that say anything, without what all uses take."""
+    shared = ("what", "root", "out", "processes")
+    return {
+        name: value
+        for name, value in options.items()
+        if name not in shared and value is not None and value is not False and value != ()
+    }
 
 
-def _compare(predictions: Path, references: Path | None, out: Path, **options: Any) -> None:
+def _check_folder(use: str, asked: Collection[str], folder: Path | None) -> None:
+    """Refuse options that go only with a folder of assets, or only without one."""
+    name = "--library" if use == "baselines" else "ROOT"
+    where, wrong = f"{use} {name}", USES[use].without_folder
+    if folder is None:
+        where, wrong = f"{use} without {name}", USES[use].with_folder
+    for option in asked:
+        if option in wrong:
+            raise ValueError(f"evaluate {where}: it takes no --{option.replace('_', '-')}")
+
+
+def _compare(
+    predictions: Path, references: Path | None, out: Path, processes: int, **options: Any
+) -> None:
     if references is None:
         kinds = ", ".join(OWN)
         why = "give the references too: uniart evaluate PRED REF --out DIR"
@@ -250,4 +146,141 @@ def _compare(predictions: Path, references: Path | None, out: Path, **options: A
     from uniart_jax.evaluation.compare import compare
 
     name = predictions.resolve().name or "predictions"
-    compare({name: predictions}, references, out, **options)
+    compare({name: predictions}, references, out, processes=processes, **options)
+
+
+def _baselines(
+    root: Path | None,
+    out: Path,
+    processes: int,
+    *,
+    checkpoint: str = "nano",
+    count: int = 128,
+    records: Path | None = None,
+    library: Path | None = None,
+    unseen: bool = False,
+    openshape: Path | None = None,
+    front: Front = "-x",
+    allow_outside: bool = False,
+) -> None:
+    if root is not None:
+        raise ValueError(
+            "evaluate baselines: it takes no folder; REF are held-out procedural objects"
+        )
+    from uniart_jax.evaluation.baselines import evaluate_baselines
+    from uniart_jax.evaluation.library import find_assets
+    from uniart_jax.runtime.compilation_cache import enable_compilation_cache
+
+    assets = []
+    if library is not None:
+        assets = find_assets(library, front=front, allow_outside=allow_outside)
+    enable_compilation_cache()
+    evaluate_baselines(
+        checkpoint,
+        out,
+        records=records,
+        library=assets,
+        count=count,
+        unseen=unseen,
+        openshape=openshape,
+        processes=processes,
+    )
+
+
+def _procedural(
+    root: Path | None,
+    out: Path,
+    processes: int,
+    *,
+    checkpoint: str = "nano",
+    **options: Any,
+) -> None:
+    if root is not None:
+        raise ValueError(
+            "evaluate: a folder of assets goes with 'representation' or 'physics'; it has no images"
+        )
+    from uniart_jax.evaluation.procedural import evaluate_checkpoint
+    from uniart_jax.runtime.compilation_cache import enable_compilation_cache
+
+    enable_compilation_cache()
+    evaluate_checkpoint(checkpoint, out, processes=processes, **options)
+
+
+def _layout(
+    root: Path | None, out: Path, processes: int, *, checkpoint: str = "nano", **options: Any
+) -> None:
+    from uniart_jax.evaluation.layout import evaluate_layout
+
+    evaluate_layout(checkpoint, out, root=root, processes=processes, **options)
+
+
+def _representation(
+    root: Path | None, out: Path, processes: int, *, count: int | None = None, **options: Any
+) -> None:
+    if root is not None:
+        from uniart_jax.evaluation.assets import evaluate_assets
+
+        evaluate_assets(root, out, count=count, processes=processes, **options)
+        return
+    from uniart_jax.evaluation.procedural import evaluate_representation
+    from uniart_jax.runtime.compilation_cache import enable_compilation_cache
+
+    enable_compilation_cache()
+    evaluate_representation(out, count=count or 128, processes=processes, **options)
+
+
+def _physics(root: Path | None, out: Path, processes: int, **options: Any) -> None:
+    from uniart_jax.evaluation.physics import evaluate_physics
+
+    evaluate_physics(out, root=root, processes=processes, **options)
+
+
+class _Use(NamedTuple):
+    """One use of the command.
+
+    Attributes:
+      run: (ROOT or REF, output folder, worker processes, **options that are given).
+      takes: its options. with_folder: those of them that go only with a folder of assets (ROOT; of
+        baselines --library). without_folder: those that go only without.
+    """
+
+    run: Callable[..., None]
+    takes: tuple[str, ...]
+    with_folder: tuple[str, ...] = ()
+    without_folder: tuple[str, ...] = ()
+
+
+HELD_OUT = ("unseen", "families", "first_seed")  # which held-out objects
+USES = {
+    "PRED REF": _Use(
+        _compare, ("samples", "only", "openshape", "allow_outside", "front", "ref_front")
+    ),
+    "baselines": _Use(
+        _baselines,
+        (
+            *("checkpoint", "count", "records", "unseen", "openshape"),
+            *("library", "front", "allow_outside"),
+        ),
+        with_folder=("front", "allow_outside"),
+    ),
+    "procedural": _Use(_procedural, ("checkpoint", "count", "records", "pictures", *HELD_OUT)),
+    "layout": _Use(
+        _layout,
+        ("checkpoint", "count", "pred", "backgrounds", "cache", "allow_outside", *HELD_OUT),
+        with_folder=("cache", "allow_outside"),
+        without_folder=HELD_OUT,
+    ),
+    "representation": _Use(
+        _representation,
+        ("count", "unseen", "allow_outside"),
+        with_folder=("allow_outside",),
+        without_folder=("unseen",),
+    ),
+    "physics": _Use(
+        _physics,
+        ("checkpoint", "count", "unseen", "engines", "allow_outside"),
+        with_folder=("allow_outside",),
+        without_folder=("unseen",),
+    ),
+}
+OWN = [name for name in USES if name != "PRED REF"]

@@ -19,7 +19,7 @@ import dataclasses
 import functools
 import json
 import shutil
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
@@ -33,7 +33,6 @@ from uniart_jax.data.order import Draw, ShuffledOrder, local_rows
 from uniart_jax.data.shards import open_shards, pack_arrays, unpack_arrays, write_shard
 from uniart_jax.data.stream import Batches
 from uniart_jax.nn.grids import flow_plan
-from uniart_jax.nn.voxel_plans import voxel_plans
 from uniart_jax.runtime.files import write_text
 from uniart_jax.voxels.part_table import ROWS, part_table
 from uniart_jax.voxels.typed_batches import StructureBatch, VoxelBatch
@@ -264,8 +263,8 @@ def latent_batches(
     items were encoded as such, so that ``data.mirror_latents`` is decided by what the shards were
     given.
 
-    Args and errors: as ``batches.voxel_batches``; ``decoded``: with what the loss holds a decoder's
-    output against; of the latent flow ``plans`` for the UniArt VAE's decoder too.
+    Args and errors: as ``batches.voxel_batches``; ``decoded``: with what the structure flow's loss
+    holds a decoder's output against.
     """
     unread = ["structure"] if stage == "latent_flow" else ["voxel_part", "latent"]
     if stage == "structure_flow" and not decoded:
@@ -279,9 +278,11 @@ def latent_batches(
         records, widths = usable(sizes, data, model.grid)
     else:
         records, widths = np.arange(len(source)), np.zeros(len(source), np.int64)
+    one: Callable[..., StructureBatch | VoxelBatch] = _load_latents
+    if stage == "structure_flow":
+        one = functools.partial(_load_structure, decoded=decoded)
     load = functools.partial(
-        _load_structure if stage == "structure_flow" else _load_latents,
-        decoded=decoded,
+        one,
         source=source,
         model=model,
         seed=seed,
@@ -356,8 +357,14 @@ def _load_structure(
 
 
 def _load_latents(
-    draw: Draw, *, source: LatentSource, model: ModelConfig, seed: int, rows: np.ndarray, data: DataConfig, decoded: bool  # noqa: E501
-) -> VoxelBatch:  # fmt: skip
+    draw: Draw,
+    *,
+    source: LatentSource,
+    model: ModelConfig,
+    seed: int,
+    rows: np.ndarray,
+    data: DataConfig,
+) -> VoxelBatch:
     flow, most = model.latent_flow, model.grid.max_parts
     items, image, layout = _draw_items(draw, source, seed, rows, data, flow, most)
     channels = items[0]["latent"].shape[-1]
@@ -369,9 +376,7 @@ def _load_latents(
         coords[b, :count] = item["coords"]
         voxel_part[b, :count] = item["voxel_part"]
         latent[b, :count] = item["latent"]
-    plans: dict[str, Any] = {"flow": flow_plan(coords, counts, model.latent_flow, model.grid)}
-    if decoded:
-        plans |= voxel_plans(coords, counts, model.uniart_vae, model.grid)
+    plans = {"flow": flow_plan(coords, counts, model.latent_flow, model.grid)}
     return VoxelBatch(
         coords, counts, voxel_part, latent=latent, plans=plans, layout=layout, image=image
     )

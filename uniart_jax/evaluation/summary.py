@@ -127,18 +127,23 @@ def paired_differences(
 
 def interval(values: np.ndarray) -> tuple[float, float]:
     """Percentile bootstrap of the mean of [n] values; NaN for fewer than two."""
-    n = len(values)
-    if n < 2:
+    if len(values) < 2:
         return np.nan, np.nan
-    rng = np.random.default_rng(SEED)
+    tail = (1 - LEVEL) / 2
+    means = resampled(values, np.random.default_rng(SEED))
+    low, high = np.quantile(means, [tail, 1 - tail])
+    return float(low), float(high)
+
+
+def resampled(values: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """[RESAMPLES] means of [n] values drawn with replacement."""
+    n = len(values)
     step = max(1, CHUNK // n)
     means = [
         values[rng.integers(0, n, (min(step, RESAMPLES - start), n))].mean(1)
         for start in range(0, RESAMPLES, step)
     ]
-    tail = (1 - LEVEL) / 2
-    low, high = np.quantile(np.concatenate(means), [tail, 1 - tail])
-    return float(low), float(high)
+    return np.concatenate(means)
 
 
 def sum_confusions(objects: Sequence[Sequence[Mapping[str, Any]]]) -> dict[str, dict[str, float]]:

@@ -121,12 +121,18 @@ def _cell(figure: Mapping[str, float], objects: float) -> str:
     mean, low, high = (figure[key] for key in ("mean", "low", "high"))
     if math.isnan(mean):
         return "-"
-    ends = [] if math.isnan(low) or low == high else [low, high]
-    largest = max(abs(value) for value in (mean, *ends))
-    digits = min(max(2 - math.floor(math.log10(largest)), 1), 6) if largest else 1
-    told = [f"{value:.{digits}f}" for value in (mean, *ends)]
     some = f" (n = {figure['count']:g})" if figure["count"] < objects else ""
-    return (f"{told[0]} [{told[1]}, {told[2]}]" if ends else told[0]) + some
+    return with_interval(mean, math.nan if low == high else low, high) + some
+
+
+def with_interval(mean: float, low: float, high: float, sign: str = "", most: int = 6) -> str:
+    """``mean [low, high]``, or the mean alone where ``low`` is NaN, with three digits of what is
+    largest, ``most`` behind the point; ``sign`` "+" writes that of numbers above 0 too."""
+    ends = [] if math.isnan(low) else [low, high]
+    largest = max(abs(value) for value in (mean, *ends))
+    digits = min(max(2 - math.floor(math.log10(largest)), 1), most) if largest else 1
+    told = [f"{value:{sign}.{digits}f}" for value in (mean, *ends)]
+    return f"{told[0]} [{told[1]}, {told[2]}]" if ends else told[0]
 
 
 def _remarks(name: str, method: Mapping[str, Any]) -> Iterator[str]:

@@ -18,7 +18,7 @@ from typing import Any, Literal
 import numpy as np
 from scipy import stats
 
-from uniart_jax.evaluation.summary import LEVEL, RESAMPLES, SEED, interval
+from uniart_jax.evaluation.summary import LEVEL, SEED, interval, resampled
 
 
 def row(values: np.ndarray) -> dict[str, Any]:
@@ -86,12 +86,6 @@ def unpaired(
 
     ratio = (lambda a, b: a / b) if better == "higher" else (lambda a, b: b / a)
     return {"difference": told(lambda a, b: a - b), "kept": told(ratio)}
-
-
-def resampled(values: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """[RESAMPLES] means of [n] values drawn with replacement."""
-    n = len(values)
-    return np.array([values[rng.integers(0, n, n)].mean() for _ in range(RESAMPLES)])
 
 
 def over_seeds(values: np.ndarray) -> np.ndarray:

@@ -11,6 +11,7 @@ import numpy as np
 
 from uniart_jax.evaluation.result_store import read_result, without_nan, write_result
 from uniart_jax.evaluation.summary import LEVEL
+from uniart_jax.evaluation.table import markdown, with_interval
 from uniart_jax.experiments.design import Experiment
 from uniart_jax.experiments.evaluate_arm import METRICS, TRUTH, parameter_count, test_names
 from uniart_jax.experiments.intervals import difference, row, unpaired
@@ -161,27 +162,23 @@ def lines(content: dict[str, Any]) -> list[str]:
     """Markdown: means, differences, what is kept on other objects, and what the intervals are."""
     columns, arms = content["columns"], content["arms"]
     arrows = {"higher": "↑", "lower": "↓"}
-    titles = " | ".join(
+    titles = [
         f"{content['metrics'][c]['title']} {arrows[content['metrics'][c]['better']]}"
         for c in columns
-    )
-    text = [f"| arm | seeds | objects | parameters | {titles} |", "|" + "---|" * (len(columns) + 4)]
+    ]
+    rows = []
     for name, arm in arms.items():
-        cells = " | ".join(cell(arm["rows"].get(c)) for c in columns)
-        text.append(
-            f"| {name} | {len(arm['seeds'])} | {arm['objects']} | {arm['parameters']:,} | {cells} |"
-        )
+        numbers = [str(len(arm["seeds"])), str(arm["objects"]), f"{arm['parameters']:,}"]
+        rows.append([name, *numbers, *(cell(arm["rows"].get(c)) for c in columns)])
+    text = [markdown(["arm", "seeds", "objects", "parameters", *titles], rows)]
     for key, title, sign in (("differences", "minus", "+"), ("kept", "share kept of", "")):
         some = {name: arm for name, arm in arms.items() if key in arm}
+        rows = [
+            [name, arm["against"], over(arm), *(cell(arm[key].get(c), sign) for c in columns)]
+            for name, arm in some.items()
+        ]
         if some:
-            text += [
-                "",
-                f"| arm | {title} | interval over | {titles} |",
-                "|" + "---|" * (len(columns) + 3),
-            ]
-        for name, arm in some.items():
-            cells = " | ".join(cell(arm[key].get(c), sign) for c in columns)
-            text.append(f"| {name} | {arm['against']} | {over(arm)} | {cells} |")
+            text += ["", markdown(["arm", title, "interval over", *titles], rows)]
     text += ["", f"In brackets: {content['level']:.0%} intervals, of means over objects."]
     if any("one training" in over(arm) for arm in arms.values() if "over" in arm):
         text += ["Over objects of one training: of these networks, no evidence on what was varied."]
@@ -213,9 +210,4 @@ def cell(figure: dict[str, float] | None, sign: str = "") -> str:
     """``mean [low, high]`` with three digits of what is largest."""
     if figure is None or np.isnan(figure["mean"]):
         return "-"
-    mean, low, high = (figure[key] for key in ("mean", "low", "high"))
-    ends = [] if np.isnan(low) else [low, high]
-    largest = max(abs(v) for v in (mean, *ends))
-    digits = min(max(2 - int(np.floor(np.log10(largest))), 1), 5) if largest else 1
-    told = [f"{v:{sign}.{digits}f}" for v in (mean, *ends)]
-    return f"{told[0]} [{told[1]}, {told[2]}]" if ends else told[0]
+    return with_interval(figure["mean"], figure["low"], figure["high"], sign, most=5)

@@ -171,11 +171,6 @@ def check_budget(budget: int) -> None:
         raise ValueError(f"--collision-budget {budget}: give 1 or more convex shapes an object")
 
 
-def shape_count(bodies: Sequence[Body]) -> int:
-    """Of all bodies together."""
-    return sum(len(body.shapes) for body in bodies)
-
-
 def _simplest(part: Merger, mesh: trimesh.Trimesh, size: float) -> tuple[tuple[Shape, ...], float]:
     """The shapes of a part, or one box or hull where that is as good by its measured error; and the
     error: of an open surface, against the shapes before any were joined."""

@@ -107,8 +107,7 @@ class Surface:
         self.tree.init(vertices, faces)
         # Points of the free space just farther than the tolerance from the surface: a hull that
         # holds one fills a hollow, however narrow.
-        corners = vertices[faces]
-        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        corners, normals = faces_of(vertices, faces)
         normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None]
         middle = corners.mean(1)
         at = [middle] + [0.7 * corners[:, i] + 0.3 * middle for i in range(3)]
@@ -148,23 +147,25 @@ class Surface:
 
 def _outside(points: np.ndarray, hull: Manifold) -> np.ndarray:
     """[n] whether points lie outside a convex solid."""
-    vertices, faces = triangles(hull)
-    corners = vertices[faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    above = points @ normals.T - (normals * corners[:, 0]).sum(1)
-    return (above > 1e-9 * np.linalg.norm(normals, axis=1)).any(1)
+    above, areas = _above(points, hull)
+    return np.asarray((above > 1e-9 * areas).any(1))
 
 
 def _covers(hull: Manifold, piece: Manifold) -> bool:
     """Whether a hull holds a convex piece. manifold3d's sometimes do not, where points are nearly
     coplanar."""
-    vertices, faces = triangles(hull)
-    corners = vertices[faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     points = np.asarray(piece.to_mesh64().vert_properties, np.float64)[:, :3]
-    above = points @ normals.T - (normals * corners[:, 0]).sum(1)
+    above, areas = _above(points, hull)
     slack = 1e-4 * np.ptp(points, axis=0).max()
-    return bool(len(faces)) and bool((above <= slack * np.linalg.norm(normals, axis=1)).all())
+    return bool(len(areas)) and bool((above <= slack * areas).all())
+
+
+def _above(points: np.ndarray, hull: Manifold) -> tuple[np.ndarray, np.ndarray]:
+    """How far points [n, 3] lie above each face of a convex solid, [n, f], in units of twice the
+    face's area, and these, [f]."""
+    corners, normals = faces_of(*triangles(hull))
+    above = points @ normals.T - (normals * corners[:, 0]).sum(1)
+    return above, np.linalg.norm(normals, axis=1)
 
 
 def bodies(solid: Manifold) -> list[Manifold]:
@@ -200,6 +201,12 @@ def triangles(solid: Manifold) -> tuple[np.ndarray, np.ndarray]:
     same = np.arange(len(vertices))
     same[np.asarray(mesh.merge_from_vert, np.int64)] = np.asarray(mesh.merge_to_vert, np.int64)
     return vertices, same[np.asarray(mesh.tri_verts, np.int64)]
+
+
+def faces_of(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(corners [f, 3, 3], normals [f, 3] as long as twice the faces' areas)."""
+    corners = vertices[faces]
+    return corners, np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
 
 
 def _depth(piece: Manifold, surface: Surface) -> float:
@@ -270,8 +277,7 @@ def _reflex_edges(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Ends a, b [e], the normals [e, 3] of both faces and the angle [e] between them, of the edges
     that bend inwards."""
-    corners = vertices[faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    _, normals = faces_of(vertices, faces)
     area = np.linalg.norm(normals, axis=1)
     normals = normals / np.maximum(area, 1e-300)[:, None]
     edges = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)

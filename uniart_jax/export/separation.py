@@ -12,7 +12,7 @@ import numpy as np
 from manifold3d import Manifold
 
 from uniart_jax.export.box_cover import box_solid
-from uniart_jax.export.convex_split import triangles
+from uniart_jax.export.convex_split import faces_of, triangles
 from uniart_jax.export.physics import Box, Shape
 
 PLANES = 8  # directions that are tried for a cut, the thinnest first
@@ -75,9 +75,7 @@ def width(hull: Manifold) -> float:
 
 def _normals(hull: Manifold) -> np.ndarray:
     """[n, 3] unit normals of the faces that have an area."""
-    vertices, faces = triangles(hull)
-    corners = vertices[faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    _, normals = faces_of(*triangles(hull))
     areas = np.linalg.norm(normals, axis=1)
     kept = areas > 1e-9 * areas.max()
     return normals[kept] / areas[kept, None]

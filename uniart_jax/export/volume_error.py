@@ -10,7 +10,7 @@ import trimesh
 from manifold3d import Manifold
 
 from uniart_jax.export.box_cover import own_frame
-from uniart_jax.export.convex_split import triangles
+from uniart_jax.export.convex_split import faces_of, triangles
 from uniart_jax.export.physics import Shape
 from uniart_jax.export.separation import as_solid
 
@@ -94,9 +94,7 @@ def _halton(count: int) -> np.ndarray:
 def half_spaces(solid: Manifold) -> tuple[np.ndarray, np.ndarray]:
     """([n, 3] unit normals, [n] offsets) of a convex solid: a point p is inside where normals @ p
     <= offsets."""
-    vertices, faces = triangles(solid)
-    corners = vertices[faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    corners, normals = faces_of(*triangles(solid))
     length = np.linalg.norm(normals, axis=1)
     kept = length > 1e-12 * max(length.max(initial=0.0), 1e-300)
     normals = normals[kept] / length[kept, None]

@@ -26,7 +26,6 @@ from uniart_jax.nn.blocks import LayerNorm, linear, zeros
 from uniart_jax.voxels.closed_pose import closed_boxes, closing, undone
 
 LEG_ROW = 10  # lower rectangle (x, y, x, y), upper rectangle, height of either
-PANEL_ROW = 6  # lower and upper corner, of a panel or a board
 # a table's four legs: what training begins with
 CORNER, THICK = 0.4, 0.1
 TYPICAL_FILL = 0.8

@@ -35,7 +35,6 @@ from uniart_jax.voxels.joint_code import BOX_SIZE, CODE_SIZE
 from uniart_jax.voxels.part_table import MOST_BOARDS, MOST_LEGS, MOST_PANELS
 from uniart_jax.voxels.revolution_table import RADII
 
-STRIDES = (4, 8, 16)
 SKETCH_SIDE = 8  # cells of the coarsest map that the sketch reads, whatever the picture's size
 TOKENS_SIDE = 16  # of the table of the tokens' places, resampled to the picture's tokens
 POINTER = 64  # width of the parent pointer's queries and keys
@@ -62,7 +61,7 @@ class Convolutions(nnx.Module):
         )
 
     def __call__(self, image: jax.Array) -> tuple[jax.Array, ...]:
-        """[B, H, W, 3] in [-1, 1] -> maps [B, H / s, W / s, C] for s of ``STRIDES``."""
+        """[B, H, W, 3] in [-1, 1] -> maps [B, H / s, W / s, C] for s of 4, 8, 16."""
         maps = [image]
         for stage in self.stages:
             maps.append(stage(maps[-1]))
@@ -70,8 +69,8 @@ class Convolutions(nnx.Module):
 
 
 def make_backbone(config: LayoutConfig, rngs: nnx.Rngs, dtype, plain: bool = False) -> Any:
-    """The image backbone that a config names: image in [-1, 1] -> maps at ``STRIDES``, with their
-    ``CHANNELS``."""
+    """The image backbone that a config names: image in [-1, 1] -> maps at strides 4, 8, 16,
+    with their ``CHANNELS``."""
     if config.backbone == "convolutions":
         return Convolutions(rngs, dtype)
     from uniart_jax.models.efficientnet_lite import EfficientNetLite0

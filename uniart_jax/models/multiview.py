@@ -22,23 +22,6 @@ import numpy as np
 from uniart_jax.models.network import Network, Params
 
 
-def camera_matrices(camera_to_world: Any, fov: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Cameras as TRELLIS's renders store them, as matrices.
-
-    Args:
-      camera_to_world: [M, 4, 4], Blender's convention: x right, y up, looking along -z.
-      fov: [M] or a number: field of view across the whole (square) picture, radians.
-
-    Returns:
-      extrinsics [M, 4, 4] float32, world to camera with x right, y down, looking along +z;
-      intrinsics [M, 3, 3] float32 for a picture of width 1.
-    """
-    poses = np.array(camera_to_world, np.float64)
-    poses[:, :3, 1:3] *= -1
-    fov = np.broadcast_to(np.asarray(fov, np.float64), len(poses))
-    return np.linalg.inv(poses).astype(np.float32), intrinsic_matrices(fov)
-
-
 def intrinsic_matrices(fov: Any) -> np.ndarray:
     """[M, 3, 3] float32 K of square pictures of width 1 that see ``fov`` [M] radians across, their
     centre in the middle."""
@@ -104,31 +87,6 @@ def add_views(
     return jax.lax.scan(step, total, (patches, extrinsics, intrinsics, weights))[0]
 
 
-@jax.jit
-def average_views(
-    patches: jax.Array,
-    extrinsics: jax.Array,
-    intrinsics: jax.Array,
-    positions: jax.Array,
-    count: int | jax.Array | None = None,
-) -> jax.Array:
-    """Mean over views of what voxels read in ready patch maps.
-
-    Args:
-      patches: [M, h, w, C]. extrinsics [M, 4, 4] and intrinsics [M, 3, 3]: ``camera_matrices``.
-      positions: [V, 3] voxel centres in the object frame, (coords + 1/2) / R - 1/2.
-      count: valid positions, first; None = all.
-
-    Returns:
-      [V, C] float32; padding zero.
-    """
-    if not len(patches):
-        raise ValueError("multi-view features: no view")
-    start = jnp.zeros((len(positions), patches.shape[-1]), jnp.float32)
-    total = add_views(start, patches, extrinsics, intrinsics, positions)
-    return _valid(total / len(patches), count)
-
-
 def multiview_features(
     network: Network,
     params: Params,
@@ -140,13 +98,17 @@ def multiview_features(
     *,
     chunk: int = 4,
 ) -> jax.Array:
-    """``average_views`` of maps that are computed on the way, ``chunk`` views at a time.
+    """Mean over views of what voxels read in their patch maps, which are computed on the way,
+    ``chunk`` views at a time.
 
     Args:
       network, params: the image encoder of 'dinov2'.
       images: array [M, S, S, 3] or any iterable of M pictures [S, S, 3], sRGB in [0, 1] on black,
         or [S, S, 4] uint8, straight alpha; read once, a chunk at a time.
-      extrinsics [M, 4, 4], intrinsics [M, 3, 3], positions [V, 3], count: as in ``average_views``.
+      extrinsics: [M, 4, 4] world to camera, x right, y down, looking along +z. intrinsics: [M, 3,
+        3] for a picture of width 1.
+      positions: [V, 3] voxel centres in the object frame, (coords + 1/2) / R - 1/2.
+      count: valid positions, first; None = all.
 
     Returns:
       [V, C] float32; padding zero.

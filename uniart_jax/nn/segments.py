@@ -200,11 +200,6 @@ def row_choices(items: int, width: int, size: int) -> tuple[int, int, int]:
     return round_rows(full), round_rows(full + -(-full // 8)), round_rows(2 * full + 1)
 
 
-def segment_lengths(ids: np.ndarray, counts: np.ndarray, longest: int) -> np.ndarray:
-    """[number of segments] lengths after cutting at ``longest``: what capacities must hold."""
-    return _pieces(ids, counts, longest)[2]
-
-
 def join_shares(plans: Sequence[Segments]) -> Segments:
     """One plan of the shares of several; rows are added where a share has fewer than another.
 

@@ -80,25 +80,6 @@ def sample_color(mesh: trimesh.Trimesh, faces: np.ndarray, barycentric: np.ndarr
     return np.broadcast_to(srgb_to_linear(np.array(GRAY)), (len(faces), 3)).astype(np.float32)
 
 
-def recolored(mesh: trimesh.Trimesh, gain: np.ndarray) -> trimesh.Trimesh:
-    """A copy of ``mesh`` whose linear RGB is multiplied by ``gain`` [3] and clipped to [0, 1]:
-    texture, vertex or face colours."""
-    table = gain_tables(gain)
-    channels = np.arange(3)
-    texture = _texture(mesh)
-    if texture is not None:
-        material = SimpleMaterial(image=Image.fromarray(table[channels, texture]))
-        visual = TextureVisuals(uv=np.array(mesh.visual.uv), material=material)
-        return trimesh.Trimesh(
-            mesh.vertices.copy(), mesh.faces.copy(), visual=visual, process=False
-        )
-    vertex = mesh.visual.kind == "vertex"
-    colors = np.array(mesh.visual.vertex_colors if vertex else _face_colors(mesh))
-    colors[:, :3] = table[channels, colors[:, :3]]
-    name = "vertex_colors" if vertex else "face_colors"
-    return _colored(mesh.vertices.copy(), mesh.faces.copy(), **{name: colors})
-
-
 def gain_tables(gains: np.ndarray) -> np.ndarray:
     """[..., 3, 256] uint8: each 8-bit sRGB value after its linear value is multiplied by ``gains``
     [..., 3] and clipped."""

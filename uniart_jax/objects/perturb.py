@@ -1,5 +1,5 @@
-"""Perturbed objects: parts of other sizes and other colours, with joints that still fit (the
-paper's "random perturbations in part geometry"); and random joints.
+"""Perturbed objects: parts of other sizes, with joints that still fit (the paper's "random
+perturbations in part geometry"); random colours and joints.
 
 **Sizes.** A factor a part and axis, F_k = diag(f_x, f_y, f_z), stretches part k *and all that it
 carries* about the part's anchor a_k. So a material point x of part k goes to
@@ -17,12 +17,12 @@ An axis keeps its direction only if all its components are stretched alike: |S d
 and keeps what turns more than half a turn round: wheels, knobs, caps. Meant for the rest state,
 where what a joint turns stands along the object's axes; elsewhere uneven factors shear it.
 
-**Colours.** A gain a part and channel multiplies linear RGB, clipped at 1.
+**Colours.** A gain a part and channel, by which linear RGB is multiplied.
 
 **Joints.** ``draw_joint``: any screw that a part of that box could have, whatever its mesh says.
 For a network that has to pass joints on, not to find them.
 
-The same on joint codes and on records: ``data.augment``.
+Colours and joints of records: ``data.augment``.
 """  # noqa: E501
 
 from __future__ import annotations
@@ -32,7 +32,6 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from uniart_jax.objects.appearance import recolored
 from uniart_jax.objects.kinematics import JOINT_TYPES, Joint
 from uniart_jax.objects.object import ArticulatedObject, moved_mesh
 
@@ -51,10 +50,10 @@ def scale_parts(obj: ArticulatedObject, factors: np.ndarray) -> ArticulatedObjec
     Raises:
       ValueError: wrong shape, a factor that is not above 0, or an axis that factors would turn.
     """
-    factors = checked_factors(factors, len(obj.parts))
+    factors = _checked_factors(factors, len(obj.parts))
     boxes, parents = obj.boxes, obj.parents
     anchors = np.stack([_anchor(k, p.joint, boxes, p.parent) for k, p in enumerate(obj.parts)])
-    stretch, shift = material_maps(anchors, parents, factors)
+    stretch, shift = _material_maps(anchors, parents, factors)
     parts = []
     for k, part in enumerate(obj.parts):
         matrix = np.eye(4)
@@ -73,51 +72,6 @@ def scale_parts(obj: ArticulatedObject, factors: np.ndarray) -> ArticulatedObjec
             )
         parts.append(dataclasses.replace(part, mesh=moved_mesh(part.mesh, matrix), joint=joint))
     return dataclasses.replace(obj, parts=tuple(parts)).normalized()
-
-
-def material_maps(
-    anchors: np.ndarray, parents: Sequence[int] | np.ndarray, factors: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Equation (1) as A_k(x) = stretch_k * x + shift_k.
-
-    Args:
-      anchors: [K, 3] a_k. parents: [K], parents first; the root is its own parent or has -1.
-        factors: [K, 3].
-
-    Returns:
-      stretch [K, 3], shift [K, 3].
-    """
-    stretch, shift = np.array(factors, np.float64), np.zeros((len(anchors), 3))
-    for k, parent in enumerate(parents):
-        place = anchors[k]
-        if 0 <= parent != k:
-            stretch[k] *= stretch[parent]
-            place = stretch[parent] * place + shift[parent]
-        shift[k] = place - stretch[k] * anchors[k]
-    return stretch, shift
-
-
-def touching_point(box: np.ndarray, parent_box: np.ndarray) -> np.ndarray:
-    """[3] the point of the parent's box that is nearest to the centre of a part's box; both [6]
-    centre and size."""
-    half = parent_box[3:] / 2
-    return np.clip(box[:3], parent_box[:3] - half, parent_box[:3] + half)
-
-
-def checked_factors(factors: np.ndarray, count: int) -> np.ndarray:
-    """[K, 3] float64 of factors [K] or [K, 3].
-
-    Raises:
-      ValueError: another shape, or a factor that is not a finite number above 0.
-    """
-    factors = np.asarray(factors, np.float64)
-    if factors.shape not in ((count,), (count, 3)):
-        raise ValueError(
-            f"perturb: expected factors of shape ({count},) or ({count}, 3), got {factors.shape}"
-        )
-    if not np.all(np.isfinite(factors) & (factors > 0)):
-        raise ValueError("perturb: factors must be finite numbers above 0")
-    return np.tile(factors[:, None], (1, 3)) if factors.ndim == 1 else factors
 
 
 def part_factors(obj: ArticulatedObject, rng: np.random.Generator, strength: float) -> np.ndarray:
@@ -146,25 +100,10 @@ def part_factors(obj: ArticulatedObject, rng: np.random.Generator, strength: flo
 
 
 def color_gains(count: int, rng: np.random.Generator, strength: float) -> np.ndarray:
-    """[count, 3] random gains for ``recolor_parts``: a part's brightness times a factor a channel,
-    each log-uniform from 1 / (1 + strength) to 1 + strength."""
+    """[count, 3] random gains of linear RGB (``data.augment.recolor_record``): a part's brightness
+    times a factor a channel, each log-uniform from 1 / (1 + strength) to 1 + strength."""
     logs = rng.uniform(-1, 1, (count, 1)) + rng.uniform(-1, 1, (count, 3))
     return np.exp(np.log1p(strength) * logs)
-
-
-def recolor_parts(obj: ArticulatedObject, gains: np.ndarray) -> ArticulatedObject:
-    """The object with the linear RGB of part k multiplied by ``gains[k]`` ([K, 3]) and clipped to
-    [0, 1]; its geometry is the same arrays' content."""
-    gains = np.asarray(gains)
-    if gains.shape != (len(obj.parts), 3):
-        raise ValueError(
-            f"perturb: expected gains of shape ({len(obj.parts)}, 3), got {gains.shape}"
-        )
-    parts = [
-        dataclasses.replace(part, mesh=recolored(part.mesh, gain))
-        for part, gain in zip(obj.parts, gains, strict=True)
-    ]
-    return dataclasses.replace(obj, parts=tuple(parts))
 
 
 def draw_joint(box: np.ndarray, rng: np.random.Generator) -> Joint:
@@ -199,11 +138,56 @@ def draw_joint(box: np.ndarray, rng: np.random.Generator) -> Joint:
     return Joint(origin, direction, (angle[0], angle[1]), (travel[0], travel[1]))
 
 
+def _material_maps(
+    anchors: np.ndarray, parents: Sequence[int] | np.ndarray, factors: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Equation (1) as A_k(x) = stretch_k * x + shift_k.
+
+    Args:
+      anchors: [K, 3] a_k. parents: [K], parents first; the root is its own parent or has -1.
+        factors: [K, 3].
+
+    Returns:
+      stretch [K, 3], shift [K, 3].
+    """
+    stretch, shift = np.array(factors, np.float64), np.zeros((len(anchors), 3))
+    for k, parent in enumerate(parents):
+        place = anchors[k]
+        if 0 <= parent != k:
+            stretch[k] *= stretch[parent]
+            place = stretch[parent] * place + shift[parent]
+        shift[k] = place - stretch[k] * anchors[k]
+    return stretch, shift
+
+
+def _touching_point(box: np.ndarray, parent_box: np.ndarray) -> np.ndarray:
+    """[3] the point of the parent's box that is nearest to the centre of a part's box; both [6]
+    centre and size."""
+    half = parent_box[3:] / 2
+    return np.clip(box[:3], parent_box[:3] - half, parent_box[:3] + half)
+
+
+def _checked_factors(factors: np.ndarray, count: int) -> np.ndarray:
+    """[K, 3] float64 of factors [K] or [K, 3].
+
+    Raises:
+      ValueError: another shape, or a factor that is not a finite number above 0.
+    """
+    factors = np.asarray(factors, np.float64)
+    if factors.shape not in ((count,), (count, 3)):
+        raise ValueError(
+            f"perturb: expected factors of shape ({count},) or ({count}, 3), got {factors.shape}"
+        )
+    if not np.all(np.isfinite(factors) & (factors > 0)):
+        raise ValueError("perturb: factors must be finite numbers above 0")
+    return np.tile(factors[:, None], (1, 3)) if factors.ndim == 1 else factors
+
+
 def _anchor(k: int, joint: Joint, boxes: np.ndarray, parent: int) -> np.ndarray:
     if joint.rotates and parent >= 0:
         offset = boxes[k, :3] - joint.origin
         return joint.origin + (offset @ joint.direction) * joint.direction
-    return touching_point(boxes[k], boxes[max(parent, 0)])
+    return _touching_point(boxes[k], boxes[max(parent, 0)])
 
 
 def _check_axis(name: str, direction: np.ndarray, stretch: np.ndarray) -> None:

@@ -41,15 +41,12 @@ from uniart_jax.voxels.typed_batches import VoxelBatch
 
 
 class LatentFlowStage(FlowStage):
-    """The sparse flow and, with ``loss.decoded``, what the frozen UniArt VAE makes of it."""
+    """The sparse flow."""
 
     name = "latent_flow"
     batch = VoxelBatch
     latent = LATENT_OF["latent_flow"]
     needed = ("image", "latent", "plans")
-
-    def decodes(self, config: Config) -> str:
-        return "uniart_vae" if config.loss.decoded > 0 else ""
 
     def flow_loss(
         self, network: Network, config: Config, workdir: Path, mean: Any, std: Any

@@ -98,14 +98,8 @@ class Stage(abc.ABC):
         as they are in its step."""
         return ()
 
-    def frozen_params(
-        self, config: Config, workdir: Path, source: Checkpoint | None
-    ) -> tuple[Any, ...]:
-        """Parameters of frozen networks that the loss takes after its key; () for none.
-
-        Args:
-          source: the checkpoint that WORKDIR goes on from.
-        """
+    def frozen_params(self, config: Config, workdir: Path) -> tuple[Any, ...]:
+        """Parameters of frozen networks that the loss takes after its key; () for none."""
         return ()
 
     def statistics(

@@ -24,19 +24,15 @@ from uniart_jax.inference.samplers import (
 )
 from uniart_jax.models.network import Network, build
 from uniart_jax.models.voxel_batch import valid_tokens
-from uniart_jax.training.found_layouts import choose
 from uniart_jax.training.losses import (
     LossFn,
     LossFnWithFrozen,
-    draw_rows,
     occupancy_iou,
     occupancy_terms,
     part_weights,
 )
-from uniart_jax.voxels.typed_batches import Condition, VoxelBatch
-
-DECODED_VOXELS = 1024  # of an item that the decoded loss looks at
-COLOR_WEIGHT, SIGN_SLOPE = 3.0, 3.0
+from uniart_jax.voxels.part_table import PartTable
+from uniart_jax.voxels.typed_batches import Condition
 
 
 def normalize(latent: jax.Array, mean: Any, std: Any) -> jax.Array:
@@ -86,6 +82,15 @@ def with_image_condition(
         return loss_fn(params, batch, key, *more)
 
     return seeing
+
+
+def choose(chosen: jax.Array, one: PartTable, other: PartTable) -> PartTable:
+    """Part tables [B, ...] of ``one`` where ``chosen`` [B], else of ``other``."""
+
+    def of_field(a, b):
+        return jnp.where(chosen.reshape(-1, *[1] * (a.ndim - 1)), a, b)
+
+    return PartTable(*(of_field(a, b) for a, b in zip(one, other, strict=True)))
 
 
 def make_structure_flow_loss(network: Network, config: Config, mean: Any, std: Any) -> Any:
@@ -162,11 +167,8 @@ def make_latent_flow_loss(
     """Rectified flow of the UniArt latents on the active voxels, ``part_share`` of the loss spread
     evenly over parts.
 
-    ``metric`` [C, C]: of ``training.latent_metric``; None measures all channels alike. With
-    ``loss.decoded`` the function takes the UniArt VAE's parameters after the key, and its batches
-    hold the plans of a decoder.
+    ``metric`` [C, C]: of ``training.latent_metric``; None measures all channels alike.
     """
-    vae = build("uniart_vae", config.model) if config.loss.decoded > 0 else None
     for name in ("part_share", "readout_share"):
         if not 0 <= getattr(config.loss, name) <= 1:
             raise ValueError(f"config: loss.{name} is {getattr(config.loss, name)}; give 0 to 1")
@@ -176,7 +178,7 @@ def make_latent_flow_loss(
         config.model.grid.max_parts,
     )
 
-    def loss_fn(params, batch, key, decoder=None):
+    def loss_fn(params, batch, key):
         coords, counts = batch.coords, batch.counts
         mask = valid_tokens(counts, coords.shape[1])[..., 0]
         x0 = jnp.where(mask[..., None], normalize(batch.latent, mean, std), 0)
@@ -188,44 +190,9 @@ def make_latent_flow_loss(
         error = flow_loss(v, x0, noise, weights, metric=metric)
         loss, metrics = summarize_flow(error, v, x, x0, t, mask, flow.prediction)
         metrics["padding"] = 1 - mask.mean()
-        if vae is None:
-            return loss, metrics
-        rows = draw_rows(jax.random.fold_in(key, 1), weights, DECODED_VOXELS)
-        guess, truth = (
-            z * jnp.asarray(std) + jnp.asarray(mean) for z in (predicted_sample(x, v, t), x0)
-        )
-        terms = decoded_losses(vae, decoder, guess, truth, batch, rows)
-        loss = loss + config.loss.decoded * (
-            terms["sdf"] + terms["sign"] + COLOR_WEIGHT * terms["color"]
-        )
-        return loss, metrics | {f"decoded_{name}": term for name, term in terms.items()}
+        return loss, metrics
 
     return loss_fn
-
-
-def decoded_losses(
-    vae: Network,
-    params: Any,
-    guess: jax.Array,
-    truth: jax.Array,
-    batch: VoxelBatch,
-    rows: jax.Array,
-) -> dict[str, jax.Array]:
-    """What a frozen UniArt VAE makes of latents ``guess`` [B, V, C] against what it makes of
-    ``truth``, at voxels ``rows`` [B, Q].
-
-    Means over sub-cells with weight exp(-|distance|) + .2, so that the surface counts most: "sdf"
-    of the distance's error, "sign" of the cross-entropy of its sign, "color" of the colour's error.
-    """
-    decode = lambda z: vae.apply(params, z, batch, rows, method="decode")  # noqa: E731
-    found, true = decode(guess), jax.lax.stop_gradient(decode(truth))
-    near = jnp.exp(-jnp.abs(true["sdf"])) + 0.2
-    sign = jnp.where(true["sdf"] < 0, -1.0, 1.0)
-    return {
-        "sdf": (near * jnp.abs(found["sdf"] - true["sdf"])).mean(),
-        "sign": (near * jax.nn.softplus(-SIGN_SLOPE * found["sdf"] * sign)).mean(),
-        "color": (near[..., None] * jnp.abs(found["color"] - true["color"])).mean(),
-    }
 
 
 def sample_noise_and_time(seen: Condition, x0: jax.Array, key: jax.Array, config: Config):
