@@ -24,19 +24,17 @@ def test_a_config_comes_back():
     assert from_json(Config, to_json(Config(seed=3))) == Config(seed=3)
 
 
-@pytest.mark.parametrize(("name", "default"), RETIRED.items())
-def test_an_option_that_is_gone_is_passed_over_where_it_is_off(name, default):
-    assert from_json(Config, with_option(name, default)) == Config()
-    with pytest.raises(ValueError, match=rf"the option {name} is gone, and it is 0\.7 here"):
-        from_json(Config, with_option(name, 0.7))
+@pytest.mark.parametrize("name", sorted(RETIRED))
+def test_an_option_that_is_gone_is_passed_over(name):
+    assert from_json(Config, with_option(name, 0.7)) == Config()
 
 
 def test_the_shipped_checkpoint_names_options_that_are_gone():
     """Written before they went, it loads as it is."""
     held = json.loads((PRETRAINED / "nano/config.json").read_text())
-    for name, default in RETIRED.items():
+    for name in RETIRED:
         group, option = name.split(".")
-        assert held[group][option] == default
+        assert option in held[group]
     assert Checkpoint.find("nano").config.name == "nano"
 
 

@@ -74,17 +74,20 @@ def test_values_and_padding(folder):
 
 
 def test_layouts_name_the_row_of_each_true_part(folder):
-    """At any strength of errors."""
+    """At any strength of errors; batches with a picture resume as others do."""
     vae = dataclasses.replace(MODEL.uniart_vae, layout_channels=4)
-    model = dataclasses.replace(MODEL, uniart_vae=vae)
+    flow = dataclasses.replace(MODEL.latent_flow, patch_size=2, stem="patch")
+    model = dataclasses.replace(MODEL, uniart_vae=vae, latent_flow=flow)
     for errors in (0.0, 1.0):
         data = dataclasses.replace(DATA, layout_errors=errors)
-        stream = batches.voxel_batches(folder, data, model, 3)
+        stream = batches.voxel_batches(folder, data, model, 3, shown=True)
         found = take(iter(stream), 8)
         assert equal(found, take(iter(stream), 8))
         lost = 0
         for batch in found:
             check_shapes(batch)
+            assert batch.image.shape[0] == 3 and batch.image.min() >= 0
+            assert batch.image.max() <= 1 and "flow" in batch.plans
             for b, known in enumerate(batch.part_counts):
                 rows, table = batch.layout_rows[b], batch.layout
                 assert (rows[known:] == -1).all()
@@ -94,6 +97,12 @@ def test_layouts_name_the_row_of_each_true_part(folder):
                 off = np.abs(table.boxes[b, rows[there]] - batch.boxes[b, there]).max(initial=0)
                 assert off < (0.2 if errors else 1e-6)
         assert (lost > 0) == (errors > 0)
+
+
+def test_a_picture_asks_for_whole_objects(folder):
+    data = dataclasses.replace(DATA, voxel_crop=32)
+    with pytest.raises(ValueError, match=r"set data\.voxel_crop 0"):
+        batches.voxel_batches(folder, data, MODEL, 2, shown=True)
 
 
 def test_resume_is_exact(folder):

@@ -13,7 +13,6 @@ from uniart_jax.config import (
     FlowConfig,
     GridConfig,
     LatentSampleConfig,
-    LayoutConfig,
     LossConfig,
     ModelConfig,
     StructureVAEConfig,
@@ -26,7 +25,6 @@ from uniart_jax.inference.samplers import (
     join_views,
     make_conditioner,
     make_latent_sampler,
-    make_layout_finder,
     make_structure_sampler,
     pad_coords,
 )
@@ -329,22 +327,6 @@ def test_several_views_are_one_condition(views):
     for left_out in everything:
         others = [v for v in everything if v != left_out]
         assert np.abs(a - sampled(others)).max() > 0.01
-
-
-def test_layouts_are_found_in_pictures_of_any_size():
-    layout = LayoutConfig(
-        queries=4, backbone="convolutions", map_channels=8, width=16, layers=1, heads=2,
-        sketch_width=8, head_width=8, image_size=32,
-    )  # fmt: skip
-    model = dataclasses.replace(MODEL, layout=layout)
-    network, find = build("layout", model), make_layout_finder(model)
-    params = jax.jit(network.init)(KEY)
-    image = np.full((2, 32, 32, 3), 0.3, np.float32)
-    small, large = find(params, image), find(params, np.full((2, 48, 48, 3), 0.3, np.float32))
-    np.testing.assert_allclose(small.table.boxes, large.table.boxes, atol=1e-5)
-    camera = jax.jit(network.apply)(params, image)["camera"]
-    np.testing.assert_allclose(small.cameras, camera, atol=1e-5)
-    np.testing.assert_allclose(large.cameras, camera, atol=1e-5)
 
 
 def test_found_layouts_are_the_parts_that_exist_the_surest_first():

@@ -68,10 +68,12 @@ def test_flows_are_told_which_cameras_they_are_trained_through(tmp_path, capsys)
     plain = dataclasses.replace(nano.model.structure_flow, pixel_channels=0)
     without = dataclasses.replace(nano.model, structure_flow=plain)
     found = dataclasses.replace(nano.loss, found=0.5)
+    sampled = dataclasses.replace(nano.loss, sampled=0.5)
     for config, name, told in (
         (nano, "structure_flow", True),
         (nano, "latent_flow", True),
         (nano, "uniart_vae", False),
+        (dataclasses.replace(nano, loss=sampled), "uniart_vae", True),
         (dataclasses.replace(nano, model=without), "structure_flow", False),
         (dataclasses.replace(nano, loss=found), "structure_flow", False),
     ):

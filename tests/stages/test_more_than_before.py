@@ -56,6 +56,32 @@ def test_a_flow_that_read_no_pixels_goes_on_with_them(trained, tmp_path, capsys)
 
 
 @pytest.mark.slow
+def test_a_decoder_learns_on_what_a_flow_samples_while_the_encoder_stays(trained, tmp_path):
+    config, workdir = trained
+    sees = dataclasses.replace(config.model.uniart_vae, layout_channels=4)
+    changed = dataclasses.replace(
+        config,
+        model=dataclasses.replace(config.model, uniart_vae=sees),
+        data=dataclasses.replace(config.data, voxel_crop=0),
+        loss=dataclasses.replace(config.loss, sampled=0.5),
+    )
+    with pytest.raises(ValueError, match="give --uniart_vae"):
+        stages.run(changed, ["uniart_vae"], tmp_path / "a", init=workdir)
+    frozen = dataclasses.replace(config.uniart_vae, freeze=("front", "encoder"))
+    changed = dataclasses.replace(changed, uniart_vae=frozen)
+    with pytest.raises(FileNotFoundError, match="as --init"):
+        stages.run(changed, ["uniart_vae"], tmp_path / "b")
+    stages.run(changed, ["uniart_vae"], tmp_path / "c", init=workdir)
+    before, after = (
+        load_file(folder / "export/uniart_vae.safetensors") for folder in (workdir, tmp_path / "c")
+    )
+    for name, values in before.items():
+        kept = name.split(".")[0] in ("front", "encoder")
+        assert np.array_equal(values, after[name]) == kept or not values.any(), name
+    assert any(name.startswith("layout.") for name in after)
+
+
+@pytest.mark.slow
 def test_a_flow_gets_a_refiner_that_trains_while_the_flow_stays(trained, tmp_path):
     config, workdir = trained
     refining = dataclasses.replace(config.model.structure_flow, refine_channels=4)

@@ -65,6 +65,18 @@ def test_pictures_of_another_size_are_refused_before_any_work(tmp_path, stage):
     assert not (tmp_path / "w").exists()
 
 
+def test_pictures_of_another_size_are_refused_by_a_vae_that_reads_samples(tmp_path):
+    config = tiny_run.make_config(tmp_path)
+    folder = Path(config.data.records)
+    folder.mkdir(parents=True)
+    size = config.model.image_encoder.image_size
+    (folder / "metadata.json").write_text(json.dumps({"image_size": 2 * size, "views": 2}))
+    STAGES["uniart_vae"].check(config)
+    sampled = dataclasses.replace(config.loss, sampled=0.5)
+    with pytest.raises(ValueError, match=f"--image-size {size}"):
+        STAGES["uniart_vae"].check(dataclasses.replace(config, loss=sampled))
+
+
 def occupancies(config, count):
     """Batches of boxes of random sizes."""
     rng, side = np.random.default_rng(0), config.model.grid.resolution

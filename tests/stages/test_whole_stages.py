@@ -239,7 +239,7 @@ def test_a_layout_network_must_be_there_before_anything_is_written(trained, tmp_
     assert not (tmp_path / "w").exists()
     empty = Checkpoint.of_workdir(tmp_path)
     check_found(changed, [STAGES["latent_flow"]], empty, ["layout"])
-    check_found(changed, [STAGES["uniart_vae"]], empty, [])  # sees no layouts that are found
+    check_found(changed, [STAGES["uniart_vae"]], empty, [])  # sees nothing sampled
 
 
 def test_records_of_other_settings_are_refused(trained, tmp_path):

@@ -16,6 +16,7 @@ from uniart_jax.training.flow_losses import (
     normalize,
     sample_noise_and_time,
 )
+from uniart_jax.training.found_layouts import matching_rows
 from uniart_jax.training.losses import part_weights
 from uniart_jax.training.vae_losses import alignment_loss, make_uniart_vae_loss
 from uniart_jax.voxels.joint_code import gauge_variants
@@ -265,6 +266,20 @@ def test_a_dropped_condition_is_nothing_in_all_its_parts():
         assert all(np.array_equal(a[:, 0], kept[0][:, 0]) for a in kept)
         assert abs(kept[0][:, 0].mean() - (1 - share)) < 0.25
         assert kept[0][:, 0].mean() == 1 - share or share == 0.4
+
+
+def test_true_parts_are_matched_to_the_rows_found_of_them():
+    generator = np.random.default_rng(2)
+    boxes = np.zeros((2, 4, 6), np.float32)
+    boxes[..., :3] = generator.uniform(-0.4, 0.4, (2, 4, 3))
+    boxes[..., 3:] = generator.uniform(0.05, 0.5, (2, 4, 3))
+    order, counts = [2, 0, 3, 1], np.array([4, 2], np.int32)
+    rows = boxes[:, order] + generator.normal(0, 0.003, (2, 4, 6))
+    rows[0, 1, :3] += 0.3  # the row of part 0 lies too far off
+    rows[1] = boxes[1]  # its rows 2 and 3 do not exist, nor do its parts
+    found = PartTable(np.float32(rows), None, None, None, np.array([4, 1], np.int32))
+    matched = jax.jit(matching_rows)(found, boxes, counts).tolist()
+    assert matched == [[-1, 3, 0, 2], [0, -1, -1, -1]]
 
 
 def test_the_latent_flow_weighs_parts_and_readouts_as_told():

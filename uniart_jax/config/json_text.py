@@ -7,9 +7,9 @@ import json
 import reprlib
 from typing import Any, Literal, get_args, get_origin, get_type_hints
 
-# Options that are gone, by dotted name, and the default they had: config.json of a checkpoint names
-# every option that there was when it was written.
-RETIRED: dict[str, Any] = {"loss.decoded": 0.0, "loss.sampled": 0.0}
+# Options of trainings that are gone, by dotted name. A checkpoint's config.json names every option
+# that there was when it was written; what its networks make does not depend on these.
+RETIRED = frozenset({"loss.decoded"})
 
 
 def to_json(config: Any) -> str:
@@ -18,12 +18,11 @@ def to_json(config: Any) -> str:
 
 
 def from_json(cls: type, text: str) -> Any:
-    """Rebuild a config dataclass from ``to_json``'s text; an option that is gone (``RETIRED``) is
-    passed over where it has its default.
+    """Rebuild a config dataclass from ``to_json``'s text.
 
     Raises:
-      ValueError: the text is not JSON, its fields are not those of ``cls`` (all strange names are
-        listed), or an option that is gone has another value.
+      ValueError: the text is not JSON, or its fields are not those of ``cls`` (all strange names
+        are listed).
     """
     try:
         data = json.loads(text)
@@ -45,12 +44,8 @@ def _build(cls: type, data: Any, path: str, strange: list[str]) -> Any:
     for name, value in data.items():
         hint = hints.get(name)
         if hint is None and path + name in RETIRED:
-            if value != (default := RETIRED[path + name]):
-                raise ValueError(
-                    f"config: the option {path}{name} is gone, and it is {reprlib.repr(value)} "
-                    f"here; give {default}, or use the version that this was written by"
-                )
-        elif hint is None:
+            continue
+        if hint is None:
             strange.append(path + name)
         elif isinstance(hint, type) and dataclasses.is_dataclass(hint):
             values[name] = _build(hint, value, f"{path}{name}.", strange)

@@ -71,6 +71,10 @@ class LossConfig:
     # structure flow: weight of what the frozen structure VAE makes of its x_0 against the true
     # occupancy (cross-entropy and Dice)
     decoded_structure: float = 0.0
+    # UniArt VAE: share of the items whose latents a trained latent flow samples in one step, the
+    # encoder
+    # left as it is (``freeze``): the decoder learns what to make of a flow's mistakes
+    sampled: float = 0.0
     time_mean: float = 1.0  # flows: of the logit of t, which is normally distributed
     time_std: float = 1.0  # and its standard deviation
     noise_share: float = 0.0  # share of draws taken uniformly from t in (.9, 1)
@@ -79,8 +83,8 @@ class LossConfig:
     # 1:
     # the flow's own is left out (``freeze`` its layers)
     refined: float = 0.0
-    # flows: share of the items that are shown the layout which the frozen layout network finds in
-    # their picture, mistakes and all, in place of their own
+    # flows, and a UniArt VAE with ``sampled``: share of the items that are shown the layout which
+    # the frozen layout network finds in their picture, mistakes and all, in place of their own
     found: float = 0.0
     draws_per_image: int = 1  # structure flow: noise draws that share one image's condition
 

@@ -12,6 +12,7 @@ import functools
 import logging
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -39,6 +40,7 @@ from uniart_jax.data.records import (
 )
 from uniart_jax.data.stream import Batches
 from uniart_jax.data.windows import choose_windows
+from uniart_jax.nn.grids import flow_plan
 from uniart_jax.nn.segments import Segments
 from uniart_jax.nn.voxel_plans import voxel_plans
 from uniart_jax.objects.perturb import color_gains
@@ -61,6 +63,7 @@ def voxel_batches(
     process_count: int = 1,
     accumulate: int = 1,
     shares: int = 1,
+    shown: bool = False,
 ) -> Batches[VoxelBatch]:
     """Endless shuffled batches for the UniArt VAE, mirrored with probability 1/2 (not where it
     reads features), with its attention plans; of each object some windows where ``data.voxel_crop``
@@ -76,6 +79,7 @@ def voxel_batches(
       accumulate: micro-batches that each process will cut its items into.
       shares: parts of a process's items whose attention is planned apart, one for each of its
         devices (``nn.voxel_plans.voxel_plans``).
+      shown: with a random view ``image`` [B, H, W, 3] and ``plans["flow"]``, for ``loss.sampled``.
 
     A decoder that sees layouts gets ``layout``, a ``voxels.part_table.PartTable`` with
     ``data.layout_errors`` in it, and ``layout_rows`` [B, K], the layout's row of each true part, -1
@@ -93,6 +97,10 @@ def voxel_batches(
         )
     if not 0 <= data.new_joints <= 1:
         raise ValueError(f"data: new_joints must be in 0..1, got {data.new_joints}")
+    if shown and data.voxel_crop:
+        raise ValueError(
+            "data: a latent flow sees whole objects; with loss.sampled set data.voxel_crop 0"
+        )
     source, sizes = open_records(records, model.grid, split, model.uniart_vae.feature_channels)
     seed = data.seed if seed is None else seed
     known, widths = usable(sizes, data, model.grid)
@@ -109,6 +117,7 @@ def voxel_batches(
         seed=seed,
         rows=local_rows(batch_size, process_index, process_count, accumulate),
         shares=shares,
+        shown=shown,
     )
     return Batches(order, load, data.workers)
 
@@ -152,6 +161,7 @@ def _load_voxels(
     seed: int,
     rows: np.ndarray,
     shares: int,
+    shown: bool,
 ) -> VoxelBatch:
     rng = draw.generator(seed)
     mirrors = rng.random(len(draw.records)) < 0.5
@@ -174,10 +184,16 @@ def _load_voxels(
             record = choose_windows(record, data.voxel_crop, window, np.random.default_rng(own))
         items.append(mirror_record(record) if mirrored and mirror else record)
     batch = collate(items, draw.width, model.grid, features=model.uniart_vae.feature_channels)
+    plans: dict[str, Any] = {**_all_plans(batch, model, shares)}
+    chances = [np.random.default_rng([own, 4]) for own in seeds[rows]]
     if model.uniart_vae.layout_channels:
-        chances = [np.random.default_rng([own, 4]) for own in seeds[rows]]
         batch = layouts_with_errors(batch, model.grid.max_parts, data.layout_errors, chances)
-    return batch._replace(plans=_all_plans(batch, model, shares))
+    if shown:
+        views = [g.choice(item.images)[None] for item, g in zip(items, chances, strict=True)]
+        seen = np.concatenate([seen_images(view) for view in views])
+        batch = batch._replace(image=seen.astype(np.float32) / np.float32(255))
+        plans["flow"] = flow_plan(batch.coords, batch.counts, model.latent_flow, model.grid)
+    return batch._replace(plans=plans)
 
 
 def _all_plans(batch: VoxelBatch, model: ModelConfig, shares: int = 1) -> dict[str, Segments]:

@@ -99,7 +99,9 @@ class FlowStage(Stage):
         through = reads_layout_cameras(config.model)
         return with_image_condition(loss_fn, condition, find, config.loss.found, through)
 
-    def frozen_params(self, config: Config, workdir: Path) -> tuple[Any, ...]:
+    def frozen_params(
+        self, config: Config, workdir: Path, source: Checkpoint | None
+    ) -> tuple[Any, ...]:
         frozen = ["image_encoder", *filter(None, [self.decodes(config)])]
         frozen += ["layout"] if config.loss.found > 0 else []
         return tuple(load(workdir, name, config) for name in frozen)

@@ -98,8 +98,14 @@ class Stage(abc.ABC):
         as they are in its step."""
         return ()
 
-    def frozen_params(self, config: Config, workdir: Path) -> tuple[Any, ...]:
-        """Parameters of frozen networks that the loss takes after its key; () for none."""
+    def frozen_params(
+        self, config: Config, workdir: Path, source: Checkpoint | None
+    ) -> tuple[Any, ...]:
+        """Parameters of frozen networks that the loss takes after its key; () for none.
+
+        Args:
+          source: the checkpoint that WORKDIR goes on from.
+        """
         return ()
 
     def statistics(

@@ -104,7 +104,7 @@ def train_network(
     statistics = stage.statistics(config, workdir, source)
     key = jax.random.fold_in(jax.random.key(config.seed), list(STAGES).index(name))
     optimizer = make_optimizer(settings)
-    step = make_step(stage, network, optimizer, config, workdir, mesh, statistics)
+    step = make_step(stage, network, optimizer, config, workdir, mesh, statistics, source)
     if trained:  # nothing that the checkpoint would replace
         start = abstract_state(network.init, optimizer, mesh)
     else:
@@ -193,6 +193,7 @@ def make_step(
     workdir: Path,
     mesh: jax.sharding.Mesh,
     statistics: dict[str, Statistics],
+    source: Checkpoint | None = None,
 ) -> Programs:
     """The train step of a stage; a flow's begins with the frozen image encoder's reading of the
     pictures, by WORKDIR's export.
@@ -200,9 +201,10 @@ def make_step(
     Args:
       network, optimizer: those that the state is made by.
       statistics: of latents (``Stage.statistics``).
+      source: the checkpoint that WORKDIR goes on from.
     """
     settings = stage.settings(config)
-    frozen = stage.frozen_params(config, workdir)
+    frozen = stage.frozen_params(config, workdir, source)
     return make_train_step(
         stage.loss(network, config, workdir, statistics),
         optimizer,

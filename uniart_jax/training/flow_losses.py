@@ -24,6 +24,7 @@ from uniart_jax.inference.samplers import (
 )
 from uniart_jax.models.network import Network, build
 from uniart_jax.models.voxel_batch import valid_tokens
+from uniart_jax.training.found_layouts import choose
 from uniart_jax.training.losses import (
     LossFn,
     LossFnWithFrozen,
@@ -31,7 +32,6 @@ from uniart_jax.training.losses import (
     occupancy_terms,
     part_weights,
 )
-from uniart_jax.voxels.part_table import PartTable
 from uniart_jax.voxels.typed_batches import Condition
 
 
@@ -82,15 +82,6 @@ def with_image_condition(
         return loss_fn(params, batch, key, *more)
 
     return seeing
-
-
-def choose(chosen: jax.Array, one: PartTable, other: PartTable) -> PartTable:
-    """Part tables [B, ...] of ``one`` where ``chosen`` [B], else of ``other``."""
-
-    def of_field(a, b):
-        return jnp.where(chosen.reshape(-1, *[1] * (a.ndim - 1)), a, b)
-
-    return PartTable(*(of_field(a, b) for a, b in zip(one, other, strict=True)))
 
 
 def make_structure_flow_loss(network: Network, config: Config, mean: Any, std: Any) -> Any:

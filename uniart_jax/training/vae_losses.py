@@ -4,12 +4,21 @@ is a mean per object, then over objects."""
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Callable
 from typing import Any
 
 import jax
 import jax.numpy as jnp
 
 from uniart_jax.config import Config
+from uniart_jax.inference.samplers import (
+    make_conditioner,
+    make_latent_sampler,
+    make_layout_finder,
+    reads_layout_cameras,
+    with_layout_cameras,
+)
 from uniart_jax.models.network import Network
 from uniart_jax.models.structure_vae import sample_posterior
 from uniart_jax.models.voxel_batch import (
@@ -19,6 +28,7 @@ from uniart_jax.models.voxel_batch import (
     voxel_boxes,
     voxel_codes,
 )
+from uniart_jax.training.found_layouts import show_found
 from uniart_jax.training.losses import (
     LossFn,
     articulation_losses,
@@ -50,13 +60,28 @@ def make_structure_vae_loss(network: Network, config: Config) -> LossFn:
     return loss_fn
 
 
-def make_uniart_vae_loss(network: Network, config: Config) -> LossFn:
+def make_uniart_vae_loss(
+    network: Network, config: Config, mean: Any = None, std: Any = None
+) -> Any:
     """L_geo + lambda_1 L_art + lambda_2 L_kl (+ the supplement's alignment), on all voxels or on
-    some drawn equally from all parts."""
-    weights, max_parts = config.loss, config.model.grid.max_parts
+    some drawn equally from all parts.
 
-    def loss_fn(params, batch, key):
+    With ``loss.sampled`` the function takes the parameters of the image encoder and of the latent
+    flow after the key, with ``loss.found`` those of the layout network too, ``mean`` and ``std`` of
+    the flow's latents are to be given, and batches hold ``image`` and ``plans["flow"]``.
+    """
+    weights, max_parts = config.loss, config.model.grid.max_parts
+    sample = make_sampled_latents(config, mean, std) if weights.sampled > 0 else None
+    shown = sample is not None and weights.found > 0
+    find = make_layout_finder(config.model) if shown else None
+
+    def loss_fn(params, batch, key, frozen: Any = None):
         draw_key, noise_key = jax.random.split(key)
+        cameras = None
+        if find is not None:
+            *frozen, finder = frozen
+            found, cameras = find(finder, batch.image)
+            batch = show_found(batch, found, weights.found, jax.random.fold_in(key, 2))
         valid = valid_tokens(batch.counts, batch.coords.shape[1])[..., 0].astype(jnp.float32)
         voxels, mask = None, valid
         if weights.voxels_per_object:
@@ -66,6 +91,11 @@ def make_uniart_vae_loss(network: Network, config: Config) -> LossFn:
             mask = jnp.ones(voxels.shape)
         out = network.apply(params, batch, method="encode")
         latent = sample_posterior(out["mean"], out["logvar"], noise_key)
+        if sample is not None:
+            choice_key, flow_key = jax.random.split(jax.random.fold_in(key, 1))
+            chosen = jax.random.uniform(choice_key, latent.shape[:1]) < weights.sampled
+            sampled = sample(frozen, batch, flow_key, cameras)
+            latent = jnp.where(chosen[:, None, None], sampled, latent)
         out |= network.apply(params, latent, batch, voxels, method="decode")
 
         def at(values: jax.Array) -> jax.Array:
@@ -105,6 +135,25 @@ def make_uniart_vae_loss(network: Network, config: Config) -> LossFn:
         return loss, metrics
 
     return loss_fn
+
+
+def make_sampled_latents(config: Config, mean: Any, std: Any) -> Callable[..., jax.Array]:
+    """(parameters of image encoder and latent flow, voxel batch, key, camera codes [B, 7] found
+    with layouts or None) -> latents [B, V, C] that the flow samples in one step; not
+    differentiated."""
+    model = config.model
+    condition = make_conditioner(model)
+    run = make_latent_sampler(model, dataclasses.replace(config.sample_latent, steps=1))
+    through = reads_layout_cameras(model)
+
+    def sample(frozen, batch, key, cameras):
+        encoder, flow = frozen
+        seen = condition(encoder, batch.image)._replace(layout=batch.layout)
+        if through and cameras is not None:
+            seen = with_layout_cameras(seen, cameras)
+        return jax.lax.stop_gradient(run(flow, (mean, std), seen, key, batch).x)
+
+    return sample
 
 
 def pointer_loss(
