@@ -379,9 +379,12 @@ def test_a_layout_needs_no_image(pipeline, monkeypatch):
     seen = []
     note = lambda _, pixels, found, *options: seen.append((pixels, found)) or 1 / 0  # noqa: E731
     monkeypatch.setattr("uniart_jax.pipeline.encode_views", note)
-    metres = 3 * layout.boxes + np.array([5, 0, 1, 0, 0, 0])
+    boxes = 3 * layout.boxes + np.array([5, 0, 1, 0, 0, 0])
+    metres = dataclasses.replace(layout, boxes=boxes, metres=True)
     with pytest.raises(ZeroDivisionError):
-        pipeline(layout=dataclasses.replace(layout, boxes=metres))
+        pipeline(layout=metres)
+    with pytest.raises(ValueError, match="lengths in metres go without an image"):
+        pipeline(picture, layout=metres)
     ((pixels, found),) = seen
     assert np.allclose(found.boxes, layout.boxes) and np.allclose(found.camera, camera, atol=1e-6)
     np.testing.assert_allclose(pixels[0], pipeline.prepare(picture), atol=0.02)

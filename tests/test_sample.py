@@ -326,10 +326,14 @@ def test_layouts_that_cannot_be_are_told(tmp_path, refused, given, says):
     assert says in refused(*given, "--out", tmp_path / "out") and not (tmp_path / "out").exists()
 
 
-def test_a_folder_that_holds_the_layout_is_not_replaced(tmp_path, refused):
-    (tmp_path / "own.json").write_text((ROOT / "examples/layouts/desk.json").read_text())
-    refused(tmp_path / "own.json", "--out", tmp_path, "--overwrite")
-    assert (tmp_path / "own.json").is_file()
+@pytest.mark.parametrize("beside", [True, False])
+def test_a_folder_that_holds_the_layout_is_not_replaced(tmp_path, refused, beside):
+    own = tmp_path / "own.json"
+    own.write_text((ROOT / "examples/layouts/desk.json").read_text().replace('"m"', '"object"'))
+    (tmp_path / "report.json").write_text("{}")  # an asset's folder
+    given = (EXAMPLE, "--layout", own) if beside else (own,)
+    assert "own.json" in refused(*given, "--out", tmp_path, "--overwrite")
+    assert own.is_file()
 
 
 def test_a_bug_in_one_sample_does_not_cost_the_others(tmp_path, monkeypatch, two_images, capsys):

@@ -13,6 +13,7 @@ Assets that are there are kept. About 30 s an object on one core.
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 from pathlib import Path
 
@@ -93,7 +94,9 @@ def main() -> None:
     which = f"{given.checkpoint} {Checkpoint.find(given.checkpoint).digest()}"
     settings = {"checkpoint": which, "unseen": given.unseen}
     if given.layouts:
-        settings["layouts"] = [path.name for path in given.layouts]
+        settings["layouts"] = {
+            path.stem: hashlib.sha256(path.read_bytes()).hexdigest() for path in given.layouts
+        }
     check_settings(given.out, settings, "another checkpoint, split or layouts")
     pipeline, rows, found = load(given.checkpoint), [], []
     families = split_families(given.unseen)

@@ -50,8 +50,6 @@ from uniart_jax.voxels.read_layout import read_layout
 from uniart_jax.voxels.typed_batches import Condition
 from uniart_jax.voxels.usual_boards import with_usual_boards
 
-SIDE_TOLERANCE = 1e-3  # of a layout whose longest side is 1
-
 
 class SamplingOptions(TypedDict, total=False):
     """Fields of ``config.SampleConfig`` to sample with; None, or absent: as the checkpoint has
@@ -160,8 +158,7 @@ class Pipeline(Networks):
 
         Args:
           image: path, or [H, W, 3 or 4] uint8 sRGB; a sequence of them = several views. None: a
-            plain picture of ``layout`` (``data.layout_renders``), which then may lie anywhere;
-            where its longest side is not 1, its lengths are metres.
+            plain picture of ``layout`` (``data.layout_renders``), whose lengths may be metres.
           seed: same seed, same object, on the same number of cores of the same kind (elsewhere
             sums are rounded in another order: meshes differ a little, and textures are laid out
             otherwise). Flows that take one step give their mean, whatever the seed.
@@ -183,15 +180,22 @@ class Pipeline(Networks):
                 f"this checkpoint is not trained yet ({', '.join(untrained[:3])}{more}): train it "
                 "first (--init), or use sample_structure, sample_latents and gaussians"
             )
-        side, most = 1.0, self.config.model.grid.max_parts
+        side, most = None, self.config.model.grid.max_parts
         if isinstance(layout, Layout) and len(layout) > most:
             raise ValueError(f"layout: {len(layout)} parts; this checkpoint takes {most} at most")
-        if image is None:
+        if alone := image is None:
             if not isinstance(layout, Layout):
                 raise ValueError("sample: give an image, a layout, or both")
-            layout, side = layout.normalized()
-            image, camera = render_layout(layout)
-            layout = dataclasses.replace(with_usual_boards(layout), camera=camera)
+            told, longest = layout.normalized()
+            side = longest if layout.metres else None
+            image, camera = render_layout(told)
+            layout = dataclasses.replace(with_usual_boards(told, side or 1.0), camera=camera)
+            background = "keep"
+        elif isinstance(layout, Layout) and layout.metres:
+            raise ValueError(
+                "layout: lengths in metres go without an image; beside one give object units, of "
+                "which the longest side is 1"
+            )
         single = isinstance(image, (str, Path, np.ndarray))
         views: list[Any] = [image] if single else list(image)
         if not views:
@@ -206,7 +210,7 @@ class Pipeline(Networks):
             tolerance=tolerance,
             mirrored=mirrored,
         )
-        progress("looking at the image")
+        progress("drawing the layout" if alone else "looking at the image")
         cut = [self.cut_out(view, background) for view in views]
         shown = [picture for picture, _ in cut]
         pixels = np.stack([self._crop(view) for view in shown])
@@ -216,7 +220,8 @@ class Pipeline(Networks):
         progress("structure")
         coords, structure = find_voxels(self, conditions, keys[0], structure_options)
         if len(coords) == 0:
-            raise ValueError(f"{name}: the model found no object in the image; crop to the object")
+            why = "made no object of the layout" if alone else "found no object in the image"
+            raise ValueError(f"{name}: the model {why}{'' if alone else '; crop to the object'}")
         progress(f"{len(coords)} voxels")
         grid, solution = find_grid(self, coords, conditions, keys[1], latent_options, found)
         progress("parts and joints")
@@ -231,7 +236,7 @@ class Pipeline(Networks):
             {flow: int(solved.evaluations[0]) for flow, solved in flows.items()},
             {flow: int(solved.steps_over_tolerance[0]) for flow, solved in flows.items()},
             self._picture(shown[0], found, conditions.original),
-            tuple(way for _, way in cut),
+            () if alone else tuple(way for _, way in cut),
             tuple(shown),
             found,
         )
@@ -355,15 +360,15 @@ def load(checkpoint: str | Path = "nano") -> Pipeline:
     return Pipeline.of(found)
 
 
-def _sized(obj: ArticulatedObject, kind: Kind, side: float) -> ArticulatedObject:
-    """The object as large as its layout says, ``side`` metres if that is not 1; else as its kind
-    usually is, if it has a name. An image does not tell."""
-    told = abs(side - 1) > SIDE_TOLERANCE
-    scale = side if told else typical_scale(obj, kind.family) if kind.named else 1.0
+def _sized(obj: ArticulatedObject, kind: Kind, side: float | None) -> ArticulatedObject:
+    """The object as large as its layout says, ``side`` metres; else as its kind usually is, if it
+    has a name. An image does not tell."""
+    usual = typical_scale(obj, kind.family) if kind.named else 1.0
+    scale = usual if side is None else side
     closed = bounds_at(obj, obj.rest()).reshape(-1, 3)
     longest = float(np.ptp(closed, axis=0).max()) * scale
     word = kind.family.replace("_", " ")
     why = f"usual of its kind ({word})" if kind.named else "an image does not tell"
-    why = "by the layout's lengths in metres" if told else why
+    why = why if side is None else "by the layout's lengths in metres"
     note = f"size: longest side, closed, taken as {longest:.2f} m, {why}"
     return dataclasses.replace(obj, scale=scale, provenance=(*obj.provenance, note))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from uniart_jax.data.images import crop
-from uniart_jax.data.layout_renders import PROUD, SEAM, render_layout, solids
+from uniart_jax.data.layout_renders import PROUD, SEAM, TOP, render_layout, solids
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.voxels.camera_code import project
 from uniart_jax.voxels.closed_pose import closing_of, moved
@@ -86,6 +86,26 @@ def test_below_a_tabletop_on_legs_there_is_air():
     assert solids(layout(legs=beside)).parts[0].mesh.volume > 0.5 * 0.6 * 1.0
     holes = [(render_layout(layout(legs=one))[0][..., 3] > 0).sum() for one in (legs, beside)]
     assert holes[0] < 0.7 * holes[1]
+
+
+def test_legs_that_reach_the_top_leave_a_top():
+    for top in (0.5, 0.6):
+        legs = prisms([-0.25, -0.3, -0.2, -0.25], top=top)
+        body = solids(layout(legs=legs)).parts[0].mesh
+        inside = body.volume - 0.05 * 0.05 * (top + 0.5)
+        assert inside == pytest.approx(0.5 * 0.6 * TOP)
+
+
+def test_a_round_body_is_round():
+    outline = Revolution(2, np.zeros(2), np.array([0.25, 0.2]))
+    body = solids(layout(revolutions=(outline,))).parts[0].mesh
+    assert body.volume == pytest.approx(np.pi * 0.5 * (0.25**2 + 0.2**2), rel=0.01)
+
+
+def test_what_stands_out_further_stays_there():
+    hinge = Joint((-0.29, 0.3, 0), (0, 0, -1), angle=(0, 1.5))
+    thin = solids(layout([-0.266, 0, 0, 0.008, 0.6, 1.0], joints=(hinge,))).parts[1].mesh.bounds
+    assert thin[:, 0] == pytest.approx([-0.27, -0.262])
 
 
 def test_panels_stand_for_the_body_and_boards_for_a_part():

@@ -47,9 +47,9 @@ def test_what_nobody_knows_is_a_metre():
 def test_an_object_is_as_large_as_its_kind_usually_is():
     box = ArticulatedObject((Part("base", trimesh.creation.box((0.5, 0.6, 1.0))),))
     for named, side, scale, why in (
-        (True, 1.0, 0.9, "usual of its kind (oven)"),
-        (False, 1.0, 1.0, "does not tell"),
-        (True, 1.3, 1.3, "by the layout's lengths"),
+        (True, None, 0.9, "usual of its kind (oven)"),
+        (False, None, 1.0, "does not tell"),
+        (True, 1.0, 1.0, "by the layout's lengths"),
     ):
         obj = _sized(box, Kind("oven", 0.9, named), side)
         assert obj.scale == scale and f"{scale:.2f} m" in obj.provenance[-1]

@@ -97,21 +97,60 @@ def test_what_a_joint_does_not_do_may_be_left_out():
         read()
 
 
+def as_text(*rows, **more):
+    return json.dumps({"schema": 1, "parts": rows, **more})
+
+
+CUBE = {"center": [0, 0, 0], "size": [1, 1, 1]}
+BODY = {"parent": None, "box": CUBE}
+TRAY = {"parent": 0, "box": CUBE, "joint": SLIDE}
+
+
 def test_names_are_kept_and_told_apart():
-    box = {"center": [0, 0, 0], "size": [1, 1, 1]}
-    rows = [{"parent": None, "box": box}, {"parent": 0, "box": box, "joint": SLIDE}]
-    read = lambda: Layout.from_json(json.dumps({"schema": 1, "parts": rows}))  # noqa: E731
-    assert read().names == () and read().name(1) == "part_1"
-    assert Layout.from_json(read().to_json()).names == ()
-    rows[1]["name"] = "tray"
-    again = Layout.from_json(read().to_json())
-    assert again.names == ("part_0", "tray")
-    assert [part.name for part in again.to_object().parts] == ["part_0", "tray"]
+    bare = Layout.from_json(as_text(BODY, TRAY))
+    assert bare.names == () and bare.name(1) == "part_1"
+    assert Layout.from_json(bare.to_json()).names == ()
+    again = Layout.from_json(Layout.from_json(as_text(BODY, TRAY | {"name": "a\ntray"})).to_json())
+    assert again.names == ("part_0", "a tray")
+    assert [part.name for part in again.to_object().parts] == ["part_0", "a tray"]
     assert again.taken([0]).names == ("part_0",)
-    for bad in (7, ["a"], "part_0"):
-        rows[1]["name"] = bad
+    counted = BODY | {"name": "part_0"}, TRAY | {"name": "part_1"}, TRAY | {"name": "part_1"}
+    assert Layout.from_json(as_text(*counted)).names == ()  # a row that was copied
+    for bad in (7, False, ["a"], "", " \n", "base"):
         with pytest.raises(ValueError, match="part 1: name"):
-            read()
+            Layout.from_json(as_text(BODY | {"name": "base"}, TRAY | {"name": bad}))
+
+
+@pytest.mark.parametrize(
+    ("rows", "more", "says"),
+    [
+        ((BODY,), {"units": "cm"}, "units 'cm'; give \"m\""),
+        (
+            (BODY | {"box": {"center": [0, 0, 45], "size": [60, 60, 90]}},),
+            {"units": "m"},
+            "90 m long",
+        ),
+        ((BODY | {"box": CUBE | {"size": [1, 1, 5]}},), {}, 'say "units": "m"'),
+        ((BODY, TRAY | {"colour": [1, 0, 0]}), {}, "part 1: no entry 'colour'"),
+        ((BODY, TRAY | {"joint": SLIDE | {"angles": [0, 1]}}), {}, "no entry 'angles'"),
+        ((BODY, TRAY | {"joint": {"type": "revolute"}}), {}, "part 1: joint has no range"),
+        ((BODY, TRAY | {"joint": SLIDE | {"angle": [0, 90]}}), {}, "part 1: angle .* give radians"),
+    ],
+)
+def test_what_is_probably_a_mistake_is_refused(rows, more, says):
+    with pytest.raises(ValueError, match=says) as caught:
+        Layout.from_json(as_text(*rows, **more))
+    assert "\n" not in str(caught.value)
+
+
+def test_what_may_be_left_out():
+    shelf = {"parent": 0, "box": CUBE}
+    slide = {"direction": [-1, 0, 0], "travel": [0, 0.3]}
+    made = Layout.from_json(as_text(BODY, shelf, TRAY | {"joint": slide}, units="m"))
+    assert [joint.type for joint in made.joints] == ["fixed", "fixed", "prismatic"]
+    assert made.metres and Layout.from_json(made.to_json()).metres
+    assert not made.normalized()[0].metres
+    np.testing.assert_array_equal(made.joints[2].origin, [0, 0, 0])
 
 
 def test_names_reach_the_asset_and_no_other_folder(tmp_path):

@@ -74,7 +74,8 @@ def test_json_round_trip_with_the_layout(layout_of_two):
     assert back.revolutions[1].axis == ROUND.axis
     np.testing.assert_allclose(back.revolutions[1].radii, ROUND.radii, atol=1e-6)
     assert "revolutions" in repr(back)
-    assert Layout.from_json(text.replace('"revolution"', '"else"')).revolutions == ()
+    with pytest.raises(ValueError, match="part 0: no entry 'else'; there are name, parent, box"):
+        Layout.from_json(text.replace('"revolution"', '"else"'))
 
 
 def test_json_tells_an_estimate_from_an_outline_to_follow():

@@ -8,6 +8,8 @@ import pytest
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.voxels.follow import assemble_layout
 from uniart_jax.voxels.layout import Layout
+from uniart_jax.voxels.panel_table import Panels
+from uniart_jax.voxels.revolution_table import Revolution
 from uniart_jax.voxels.usual_boards import DEEP, FLAT, FRONT, HEIGHT, WALL, with_usual_boards
 from uniart_jax.voxels.voxelize import voxelize
 
@@ -31,19 +33,21 @@ def boards_of(box, joint):
 
 
 @pytest.mark.parametrize(
-    ("joint", "axis", "side"),
+    ("joint", "axis", "side", "x"),
     [
-        (slide(-1, 0, 0), 0, -1),
-        (slide(1, 0, 0, travel=(-0.3, 0.05)), 0, -1),
-        (slide(1, 0, 0), 0, 1),
-        (slide(0, 1, 0), 1, 1),
+        (slide(-1, 0, 0), 0, -1, -0.05),
+        (slide(1, 0, 0, travel=(-0.3, 0.05)), 0, -1, -0.05),
+        (slide(-1, 0, 0, travel=(-0.25, 0.1)), 0, -1, -0.3),  # drawn half open
+        (slide(1, 0, 0), 0, 1, 0.05),
+        (slide(0, 1, 0), 1, 1, -0.05),
     ],
 )
-def test_a_drawer_is_open_above_and_has_its_front_where_it_opens(joint, axis, side):
-    boards = boards_of(DRAWER, joint)
+def test_a_drawer_is_open_above_and_has_its_front_where_it_opens(joint, axis, side, x):
+    box = [x, *DRAWER[1:]]
+    boards = boards_of(box, joint)
     low, high = (
-        np.array(DRAWER[:3]) - np.array(DRAWER[3:]) / 2,
-        np.array(DRAWER[:3]) + np.array(DRAWER[3:]) / 2,
+        np.array(box[:3]) - np.array(box[3:]) / 2,
+        np.array(box[:3]) + np.array(box[3:]) / 2,
     )
     assert np.allclose(boards[:, :3].min(0), low) and np.allclose(boards[:, 3:].max(0), high)
     assert (boards[:, 3:] > boards[:, :3]).all()
@@ -72,7 +76,14 @@ def test_what_is_no_drawer_has_no_boards():
     assert boards_of(DRAWER, Joint.fixed()) is None
 
 
-def test_boards_that_are_told_stay():
+def test_a_sliding_door_is_a_plate():
+    door = [-0.26, 0.1, 0, 0.02, 0.4, 0.9]
+    assert np.allclose(boards_of(door, slide(0, 1, 0)), [[-0.27, -0.1, -0.45, -0.25, 0.3, 0.45]])
+    tray = [-0.05, 0, 0.1, 0.4, 0.5, 0.015]
+    assert len(boards_of(tray, slide(-1, 0, 0))) == 1
+
+
+def test_walls_are_as_thick_as_furnitures():
     one = Layout(
         np.array([BODY, DRAWER]),
         (Joint.fixed(), slide(-1, 0, 0)),
@@ -80,9 +91,23 @@ def test_boards_that_are_told_stay():
         np.ones((2, 3)),
         np.ones(2),
     )
-    told = with_usual_boards(one)
-    again = with_usual_boards(dataclasses.replace(told, boards=(None, None)))
-    assert again.boards == (None, None) and len(told.boards[1]) == 5
+    small, large = (with_usual_boards(one, side).boards[1].boxes[0] for side in (0.5, 1.2))
+    assert small[3] - small[0] == pytest.approx(FRONT / 0.5)
+    assert large[3] - large[0] == pytest.approx(FRONT / 1.2)
+
+
+def test_boards_and_outlines_that_are_told_stay():
+    boxes = np.array([BODY, DRAWER, DOOR, DRAWER])
+    joints = Joint.fixed(), slide(-1, 0, 0), HINGE, slide(-1, 0, 0)
+    outline = Revolution(2, np.array([-0.26, 0.0]), np.array([0.1, 0.1]))
+    one = Layout(boxes, joints, (-1, 0, 0, 0), np.ones((4, 3)), np.ones(4))
+    told = Panels(np.array([[-0.25, -0.1, 0.1, 0.15, 0.3, 0.3]]), 1.0)
+    found = with_usual_boards(
+        dataclasses.replace(
+            one, boards=(None, told, None, None), revolutions=(None, None, outline, None)
+        )
+    ).boards
+    assert found[1] is told and found[2] is None and len(found[3]) == 5
 
 
 def test_they_are_followed_whatever_voxels_show():

@@ -53,14 +53,14 @@ def sample(
     check: bool = True,
     overwrite: Overwrite = False,
 ) -> int:
-    """One image in, a complete articulated object out; or a layout's table without an image.
+    """One image in, a complete articulated object out; or a layout without an image.
 
     A sample that fails, as where no object is found in the image, does not cost the others: exit
     code 1 if some failed, 2 if all did.
 
     Args:
         images: Image files. With an alpha channel or a plain background the object is cut out by
-          itself. A layout's JSON is made an object without an image.
+          itself. Or layouts (.json), which need no image.
         checkpoint: "nano" (shipped), a folder written by training, a training WORKDIR, or
           hf:ORG/NAME of the Hugging Face hub (pip install 'uniart_jax[hub]').
         seed: Same seed, same object, on the same number of cores of the same kind; elsewhere

@@ -12,7 +12,7 @@ from uniart_jax.data.cameras import camera_codes
 from uniart_jax.objects.appearance import linear_to_srgb
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
-from uniart_jax.visual.render import Camera, fit, render
+from uniart_jax.visual.render import FRONT_LEFT, fit, render
 from uniart_jax.voxels.closed_pose import closing_of, undone
 from uniart_jax.voxels.layout import Layout
 from uniart_jax.voxels.leg_table import Legs
@@ -20,12 +20,12 @@ from uniart_jax.voxels.opening_direction import still_parts
 from uniart_jax.voxels.revolution_table import Revolution
 
 SIDE = 512  # pixels
-VIEW = Camera(azimuth=np.deg2rad(-32), elevation=np.deg2rad(20), fov_degrees=30)
 MARGIN = 1.15  # frame over object
 FLUSH = 0.02  # object units between faces of a moving part and of the body that count as one face
 ROUND = 0.8  # of a disc's width, that its height is at least; its axis lies as near to its middle
 STRAIGHT = 0.95  # cosine of a disc's axis and the box's
 PROUD = 0.008  # object units by which the moving part's stands out, to be seen
+TOP = 0.02  # object units of a body above its legs, at least
 SEAM = 0.003  # object units around a moving part that show the edges between neighbours
 
 
@@ -33,16 +33,16 @@ def render_layout(layout: Layout) -> tuple[np.ndarray, np.ndarray]:
     """A picture [S, S, 4] uint8 sRGB of a layout from the front left and above, and the code [7] of
     its camera (``voxels.camera_code``)."""
     obj = solids(layout)
-    camera = fit(obj, VIEW, margin=MARGIN)
+    camera = fit(obj, FRONT_LEFT, margin=MARGIN)
     image = np.round(255 * render(obj, camera, SIDE)).astype(np.uint8)
     angles = [camera.azimuth, camera.elevation, camera.fov_degrees, camera.distance]
     return image, camera_codes(np.array([angles]), image[None])[0]
 
 
 def solids(layout: Layout) -> ArticulatedObject:
-    """An object of boxes: a part's boards where they are known, of what does not move its panels
-    and legs; its outline where it is round; else its box. Moving parts stand out of the body, so
-    that they are seen where their faces lie in its."""
+    """The object that is drawn: each part is its boards, if the layout has some; the body its
+    panels and legs; a round part the solid of its outline; else a part is its box. The front of a
+    moving part stands out a little where it lies in the body's front, so that it is seen."""
     still = still_parts(layout.parents, layout.joints)
     root = layout.parents.index(-1)
     shown = undone(closing_of(layout.joints, layout.boxes, layout.parents))
@@ -51,7 +51,7 @@ def solids(layout: Layout) -> ArticulatedObject:
         boards = layout.boards[k] if layout.boards else None
         outline = layout.revolutions[k] if layout.revolutions else None
         if k == root:
-            meshes = _body(layout, box)
+            meshes = _body(layout, box, outline)
         elif boards is not None and k not in still:
             meshes = _boxes(boards.boxes)
             for mesh in meshes:
@@ -68,14 +68,17 @@ def solids(layout: Layout) -> ArticulatedObject:
     return ArticulatedObject(tuple(parts))
 
 
-def _body(layout: Layout, box: np.ndarray) -> list[trimesh.Trimesh]:
+def _body(layout: Layout, box: np.ndarray, outline: Revolution | None) -> list[trimesh.Trimesh]:
     """What the root is built of, as far as the layout tells."""
     legs = [] if layout.legs is None else _legs(layout.legs)
     if layout.panels is not None and len(layout.panels):
         return _boxes(layout.panels.boxes) + legs
+    if outline is not None:
+        return [_turned(outline, box), *legs]
     corners = _corners(box)
-    if layout.legs is not None and legs and layout.legs.alone:
-        corners[2] = max(corners[2], float(layout.legs.heights[:, 1].max()))
+    if layout.legs is not None and legs and layout.legs.alone:  # what they carry is at least a top
+        above = float(layout.legs.heights[:, 1].max())
+        corners[2] = np.clip(above, corners[2], corners[5] - min(TOP, box[5]))
     return _boxes([corners]) + legs
 
 
@@ -97,7 +100,8 @@ def _front(box: np.ndarray, joint: Joint, body: np.ndarray) -> np.ndarray:
     corners = corners + np.concatenate([seam, -seam])
     for face, out in ((axis, -PROUD), (axis + 3, PROUD)):
         if abs(corners[face] - body[face]) < FLUSH:
-            corners[face] = body[face] + out
+            further = min if out < 0 else max
+            corners[face] = further(corners[face], body[face] + out)
     return corners
 
 

@@ -12,8 +12,8 @@ one rendered view, one sample. Rows of the table:
                        (these three follow the layout found in the image, where the checkpoint has a
                        layout network)
     without_layout     the same voxels, their parts and joints read off themselves
-    layout_alone       true boxes, joints, legs and colours, as one writes them by hand -> object,
-                       without an image
+    layout_alone       true boxes, joints, legs and colours (of the shown state) -> object, without
+                       an image
     retrieval          image -> the nearest training image's object (by image features), the paper's section 3
 """  # noqa: E501
 

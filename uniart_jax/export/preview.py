@@ -18,14 +18,14 @@ from PIL import Image, ImageDraw, ImageFont
 from uniart_jax.objects.image_formats import image_formats
 from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.visual.diagram import picture
-from uniart_jax.visual.render import Camera, Scene, build_scene, fit, render
+from uniart_jax.visual.render import FRONT_LEFT, Camera, Scene, build_scene, fit, render
 
 TILE = 320  # pixels a side
 GAP, CAPTION = 8, 26  # pixels between tiles, and above them
 BACKGROUND = (244, 244, 246)
 INK = (70, 72, 80)
 _tile = functools.partial(picture, background=BACKGROUND)
-DEFAULT_VIEW = Camera(azimuth=np.deg2rad(-32), elevation=np.deg2rad(20), fov_degrees=30)
+DEFAULT_VIEW = FRONT_LEFT
 STEEPEST = np.deg2rad(85)  # elevation
 MARGIN = 1.08  # frame over object
 MATCH_SIZE = 48  # pixels a side of the pictures that are compared

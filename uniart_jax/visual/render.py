@@ -161,6 +161,9 @@ def fit(target: ArticulatedObject | np.ndarray, camera: Camera, margin: float = 
     return dataclasses.replace(camera, distance=max(float(reach.max()), 1e-3 - nearest))
 
 
+FRONT_LEFT = Camera(azimuth=np.deg2rad(-32), elevation=np.deg2rad(20), fov_degrees=30)
+
+
 def sample_camera(rng: np.random.Generator, bounds: np.ndarray = UNIT_BOX) -> Camera:
     """A random front view: azimuth within +-50 degrees, elevation 5 to 40, field of view 25 to 45,
     margin 1.05 to 1.35 about ``bounds``."""

@@ -1,10 +1,11 @@
 """A layout: an object's parts as a table, each a box, a joint, a parent, a colour and how sure a
 network is of it.
 
-As JSON (``to_json``, ``from_json``), lengths in object units (of one that is made without a picture
-any, as metres: ``Layout.normalized``), angles in radians, colours sRGB in 0..1:
+As JSON (``to_json``, ``from_json``), angles in radians, colours sRGB in 0..1, lengths in object
+units, of the frame that it names, or in metres, anywhere, where there is no picture:
 
     {"schema": 1, "frame": "object: z up, front at -x, shown state, longest side 1, centred",
+     "units": "object" (if left out) or "m",
      "camera": [7] code (``voxels.camera_code``) of the picture that is sampled from, or null,
      "certainty": expected share of moving parts that is right (``inference.certainty``), or null,
      "parts": [{"name", "parent": row or null, "box": {"center": [3], "size": [3]},
@@ -53,8 +54,18 @@ from uniart_jax.objects.appearance import linear_to_srgb, srgb_to_linear
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.object import ArticulatedObject, Part
 from uniart_jax.voxels.joint_code import encode_joint
+from uniart_jax.voxels.json_rows import (
+    FARTHEST,
+    LIMIT,
+    check_names,
+    json_numbers,
+    json_object,
+    json_share,
+    plain,
+)
 from uniart_jax.voxels.leg_table import Legs, legs_from_json, legs_to_json
 from uniart_jax.voxels.panel_table import Panels, panels_from_json, panels_to_json
+from uniart_jax.voxels.part_rows import ENTRIES, check_tree, part_box, part_joint, part_name
 from uniart_jax.voxels.part_table import SMALLEST_SIDE
 from uniart_jax.voxels.revolution_table import (
     Revolution,
@@ -64,6 +75,7 @@ from uniart_jax.voxels.revolution_table import (
 
 SCHEMA = 1
 FRAME = "object: z up, front at -x, shown state, longest side 1, centred"
+SIZES = (0.01, 20.0)  # metres of the longest side
 ROOT = -1  # name of the virtual root
 
 
@@ -72,14 +84,15 @@ class Layout:
     """K parts at the shown state.
 
     Attributes:
-      boxes: [K, 6] own boxes, centre and size. joints: K joints; the root's is fixed.
+      boxes: [K, 6] own boxes, centre and size, object units (metres if ``metres``), z up, front at
+        -x. joints: K joints in the same frame; the root's is fixed.
       parents: [K] rows, -1 for the root; in any order. colors: [K, 3] linear RGB in 0..1.
       confidence: [K] in 0..1. camera: [7] code of the picture's camera, or None.
       legs: what it stands on, panels: what its body is built of, where that is known. boards: what
         each part is built of, revolutions: the outlines of parts that are round about an axis; each
         empty, or K, None where that is not known.
       certainty: expected share of the moving parts that is right, in 0..1, or None.
-      names: of the parts, empty or K; a network gives none.
+      names: of the parts, empty or K; a network gives none. metres: lengths are metres.
     """
 
     boxes: np.ndarray
@@ -94,6 +107,7 @@ class Layout:
     revolutions: tuple[Revolution | None, ...] = ()
     certainty: float | None = None
     names: tuple[str, ...] = ()
+    metres: bool = False
 
     def __len__(self) -> int:
         return len(self.boxes)
@@ -139,8 +153,12 @@ class Layout:
         )
 
     def normalized(self) -> tuple[Layout, float]:
-        """The layout in object units: the box around all parts has a longest side of 1 and its
-        middle at 0. And how long that side was."""
+        """The layout in object units, and how long its longest side was.
+
+        Returns:
+          The same parts, moved and scaled so that the box around all of them has its middle at 0
+          and a longest side of 1; without a camera. And that side before.
+        """
         low = (self.boxes[:, :3] - self.boxes[:, 3:] / 2).min(0)
         high = (self.boxes[:, :3] + self.boxes[:, 3:] / 2).max(0)
         middle, side = (low + high) / 2, float((high - low).max())
@@ -170,6 +188,8 @@ class Layout:
             panels=panels(self.panels),
             boards=tuple(panels(own) for own in self.boards),
             revolutions=tuple(outline(own) for own in self.revolutions),
+            camera=None,
+            metres=False,
         )
         return moved, side
 
@@ -218,15 +238,15 @@ class Layout:
                 {
                     "name": self.name(k),
                     "parent": None if self.parents[k] < 0 else int(self.parents[k]),
-                    "box": {"center": _plain(self.boxes[k, :3]), "size": _plain(self.boxes[k, 3:])},
-                    "color": _plain(linear_to_srgb(np.clip(self.colors[k], 0, 1))),
+                    "box": {"center": plain(self.boxes[k, :3]), "size": plain(self.boxes[k, 3:])},
+                    "color": plain(linear_to_srgb(np.clip(self.colors[k], 0, 1))),
                     "confidence": round(float(self.confidence[k]), 4),
                     "joint": {
                         "type": joint.type,
-                        "origin": _plain(joint.origin),
-                        "direction": _plain(joint.direction),
-                        "angle": _plain(joint.angle),
-                        "travel": _plain(joint.travel),
+                        "origin": plain(joint.origin),
+                        "direction": plain(joint.direction),
+                        "angle": plain(joint.angle),
+                        "travel": plain(joint.travel),
                     },
                     "boards": None if (own := boards[k]) is None else panels_to_json(own),
                     "revolution": (
@@ -234,9 +254,11 @@ class Layout:
                     ),
                 }
             )
-        camera = None if self.camera is None else _plain(self.camera)
+        camera = None if self.camera is None else plain(self.camera)
         sure = None if self.certainty is None else round(float(self.certainty), 4)
-        data = {"schema": SCHEMA, "frame": FRAME, "camera": camera, "certainty": sure}
+        units = "m" if self.metres else "object"
+        data: dict[str, Any] = {"schema": SCHEMA, "frame": FRAME, "units": units}
+        data |= {"camera": camera, "certainty": sure}
         data["parts"] = rows
         data["legs"] = None if self.legs is None else legs_to_json(self.legs)
         data["panels"] = None if self.panels is None else panels_to_json(self.panels)
@@ -244,9 +266,10 @@ class Layout:
 
     @staticmethod
     def from_json(text: str) -> Layout:
-        """Read ``to_json``'s text; ``color``, ``confidence``, ``boards``, ``revolution``,
-        ``name``, ``camera``, ``certainty``, ``legs`` and ``panels`` may be left out, and of a joint
-        ``type`` and ``angle`` or ``travel``.
+        """Read ``to_json``'s text. ``units``, ``camera``, ``certainty``, ``legs`` and ``panels``
+        may be left out; of a part ``name``, ``color``, ``confidence``, ``boards``, ``revolution``
+        and, where it is fixed, ``joint``; of a joint ``type``, ``origin`` (the middle of the box)
+        and ``angle`` or ``travel``.
 
         Raises:
           ValueError: one line that names the row and the field.
@@ -257,115 +280,53 @@ class Layout:
             raise ValueError(f"layout: not valid JSON ({error})") from None
         if not isinstance(data, dict) or data.get("schema") != SCHEMA:
             raise ValueError(f'layout: give an object with "schema": {SCHEMA}')
-        rows = data.get("parts")
+        rows, units = data.get("parts"), data.get("units", "object")
+        if units not in ("object", "m"):
+            raise ValueError(f'layout: units {units!r}; give "m" (metres) or "object"')
         if not isinstance(rows, list) or not rows:
             raise ValueError('layout: "parts" must be a list of at least one part')
+        far = FARTHEST if units == "m" else LIMIT
         boxes, joints, parents, colors, confidence = [], [], [], [], []
         boards, revolutions, names = [], [], []
         for k, row in enumerate(rows):
             where = f"layout: part {k}"
             if not isinstance(row, dict):
                 raise ValueError(f"{where} is not an object")
-            names.append(row.get("name") or f"part_{k}")
-            if not isinstance(names[k], str) or names[k] in names[:k]:
-                raise ValueError(f"{where}: name {names[k]!r} is no text, or is that of another")
-            box = _table(row, "box", where)
-            size = _numbers(box, "size", 3, where)
-            if size.min() <= 0:
-                raise ValueError(f"{where}: size {size.tolist()} must be above 0")
-            boxes.append(np.concatenate([_numbers(box, "center", 3, where), size]))
+            check_names(row, ENTRIES, where)
+            names.append(part_name(row.get("name"), names, where))
+            boxes.append(part_box(json_object(row, "box", where), 2 * far, units, where))
             parent = row.get("parent")
             if parent is not None and (type(parent) is not int or not 0 <= parent < len(rows)):
                 raise ValueError(f"{where}: parent {parent!r} is no row of the table, nor null")
             parents.append(ROOT if parent is None else parent)
-            joints.append(_joint(row, parent, where))
-            paint = _numbers(row, "color", 3, where) if "color" in row else np.full(3, 0.6)
+            joints.append(part_joint(row, parent, boxes[k][:3], where))
+            paint = json_numbers(row, "color", 3, where) if "color" in row else np.full(3, 0.6)
             colors.append(srgb_to_linear(np.clip(paint, 0, 1)))
-            confidence.append(_share(row.get("confidence", 1.0), f"{where}: confidence"))
-            boards.append(panels_from_json(row.get("boards"), f"part {k}: board"))
-            revolutions.append(revolution_from_json(row.get("revolution"), where))
-        _check_tree(parents)
+            confidence.append(json_share(row.get("confidence", 1.0), f"{where}: confidence"))
+            boards.append(panels_from_json(row.get("boards"), f"part {k}: board", far))
+            revolutions.append(revolution_from_json(row.get("revolution"), where, far))
+        check_tree(parents)
         camera = data.get("camera")
-        camera = None if camera is None else _numbers(data, "camera", 7, "layout")
+        camera = None if camera is None else json_numbers(data, "camera", 7, "layout")
         if camera is not None and not np.any(camera[:2]):
             raise ValueError("layout: camera's first two numbers, sine and cosine, are both 0")
         sure = data.get("certainty")
-        return Layout(
+        made = Layout(
             np.array(boxes),
             tuple(joints),
             tuple(parents),
             np.array(colors),
             np.array(confidence),
             camera,
-            legs_from_json(data.get("legs")),
-            panels_from_json(data.get("panels")),
+            legs_from_json(data.get("legs"), far),
+            panels_from_json(data.get("panels"), far=far),
             tuple(boards) if any(b is not None for b in boards) else (),
             tuple(revolutions) if any(r is not None for r in revolutions) else (),
-            None if sure is None else _share(sure, "layout: certainty"),
-            () if names == [f"part_{k}" for k in range(len(rows))] else tuple(names),
+            None if sure is None else json_share(sure, "layout: certainty"),
+            tuple(n or f"part_{k}" for k, n in enumerate(names)) if any(names) else (),
+            units == "m",
         )
-
-
-def _share(value: Any, what: str) -> float:
-    if type(value) not in (int, float) or not 0 <= value <= 1:
-        raise ValueError(f"{what} {value!r} is not in 0..1")
-    return float(value)
-
-
-def _plain(values: Any) -> list[float]:
-    return [round(float(v), 6) for v in np.ravel(values)]
-
-
-def _table(row: dict, name: str, where: str) -> dict:
-    if not isinstance(row.get(name), dict):
-        raise ValueError(f"{where}: {name} is missing or no object")
-    return row[name]
-
-
-def _numbers(row: dict, name: str, count: int, where: str) -> np.ndarray:
-    values = row.get(name)
-    if not (
-        isinstance(values, list)
-        and len(values) == count
-        and all(type(v) in (int, float) and np.isfinite(v) for v in values)
-    ):
-        raise ValueError(f"{where}: {name} must be {count} finite numbers")
-    return np.array(values, np.float64)
-
-
-def _joint(row: dict, parent: int | None, where: str) -> Joint:
-    if parent is None:
-        return Joint.fixed()
-    data = _table(row, "joint", where)
-    angle, travel = (
-        _numbers(data, name, 2, where) if name in data else np.zeros(2)
-        for name in ("angle", "travel")
-    )
-    if not angle.any() and not travel.any():
-        return Joint.fixed()
-    direction = _numbers(data, "direction", 3, where)
-    length = float(np.linalg.norm(direction))
-    if length < 1e-6:
-        raise ValueError(f"{where}: direction has no length")
-    try:
-        return Joint(
-            _numbers(data, "origin", 3, where),
-            direction / length,
-            angle=(float(angle[0]), float(angle[1])),
-            travel=(float(travel[0]), float(travel[1])),
-        )
-    except ValueError as error:
-        raise ValueError(f"{where}: joint: {error}") from None
-
-
-def _check_tree(parents: list[int]) -> None:
-    roots = [k for k, parent in enumerate(parents) if parent < 0]
-    if len(roots) != 1:
-        raise ValueError(f"layout: {len(roots)} parts without a parent; give exactly one root")
-    for k in range(len(parents)):
-        seen, at = set(), k
-        while at >= 0:
-            if at in seen:
-                raise ValueError(f"layout: part {k}: its parents go in a circle")
-            seen.add(at)
-            at = parents[at]
+        if made.metres and not SIZES[0] <= (side := made.normalized()[1]) <= SIZES[1]:
+            least, most = SIZES
+            raise ValueError(f"layout: {side:g} m long; give metres, from {least:g} to {most:g}")
+        return made

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from scipy.special import expit
 
-from uniart_jax.voxels.json_rows import FARTHEST, json_rows
+from uniart_jax.voxels.json_rows import LIMIT, json_rows, plain
 
 THRESHOLD = 0.5  # of the probability of the surest leg
 OTHERS = 0.25  # of those beside it: legs come in sets
@@ -20,7 +20,6 @@ ROUND = 0.89  # share of its rectangle that a round leg fills at most
 SOLID = 0.65  # and any leg at least; with less it is a frame or a profile, and stays as drawn
 THINNEST = 0.012  # object units
 BOARD = 0.25  # object units; what is wider is a board, of which two or one carry an object
-LIMIT = 1.0  # object units from the middle that coordinates may have
 MOST_ROWS = 64  # of JSON
 
 
@@ -100,7 +99,6 @@ def read_legs(outputs: dict[str, np.ndarray], threshold: float = THRESHOLD) -> L
 
 def legs_to_json(legs: Legs) -> dict[str, Any]:
     """``legs`` of a layout's JSON (``voxels.layout``)."""
-    plain = lambda values: [round(float(v), 6) for v in values]  # noqa: E731
     rows = [
         {
             "lower": plain(legs.lower[k]),
@@ -114,8 +112,9 @@ def legs_to_json(legs: Legs) -> dict[str, Any]:
     return {"alone": legs.alone, "rows": rows}
 
 
-def legs_from_json(data: Any) -> Legs | None:
-    """Read ``legs_to_json``'s value; None, or one without rows, is None.
+def legs_from_json(data: Any, far: float = LIMIT) -> Legs | None:
+    """Read ``legs_to_json``'s value; None, or one without rows, is None. ``far``: that coordinates
+    may have.
 
     Raises:
       ValueError: one line that names the row and the field.
@@ -130,7 +129,7 @@ def legs_from_json(data: Any) -> Legs | None:
     plinth = []
     for k, row in enumerate(rows):
         for name, count in (("lower", 4), ("upper", 4), ("heights", 2), ("fill", 1)):
-            numbers[name].append(_numbers(row, name, count, k))
+            numbers[name].append(_numbers(row, name, count, k, far))
         plinth.append(row.get("plinth", False))
         if not isinstance(plinth[-1], bool):
             raise ValueError(f"layout: leg {k}: plinth {plinth[-1]!r} is neither true nor false")
@@ -140,12 +139,11 @@ def legs_from_json(data: Any) -> Legs | None:
     return Legs(lower, upper, heights, fill[:, 0], np.array(plinth), alone)
 
 
-def _numbers(row: dict, name: str, count: int, k: int) -> np.ndarray:
-    """[count] numbers of a row within ``FARTHEST``, the ends of intervals in order."""
+def _numbers(row: dict, name: str, count: int, k: int, far: float) -> np.ndarray:
+    """[count] numbers of a row, at most ``far``, the ends of intervals in order."""
     values = row.get(name, 1.0 if name == "fill" else None)
     values = [values] if count == 1 else values
     sound = isinstance(values, list) and len(values) == count
-    far = FARTHEST
     if not sound or not all(type(v) in (int, float) and -far <= v <= far for v in values):
         what = "a number" if count == 1 else f"{count} numbers"
         raise ValueError(f"layout: leg {k}: {name} must be {what} in {-far:g}..{far:g}")

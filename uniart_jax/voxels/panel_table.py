@@ -9,13 +9,12 @@ from typing import Any
 import numpy as np
 from scipy.special import expit
 
-from uniart_jax.voxels.json_rows import FARTHEST, json_rows
+from uniart_jax.voxels.json_rows import LIMIT, json_rows, json_share, plain
 
 THRESHOLD = 0.5  # of the probability of a panel
 TRUSTED = 0.8  # share of the body from which on panels stand for it
 THINNEST = 0.004  # object units
 NARROW = 0.05  # of a part whose second longest side is shorter boards are not read
-LIMIT = 1.0  # object units from the middle that coordinates may have
 MOST_ROWS = 256  # of JSON
 
 
@@ -27,7 +26,7 @@ class Panels:
       boxes: [N, 6] lower and upper corners. share: of the volume that they, and a body's legs,
         explain, less what they have beyond it.
       estimate: a network's, which voxels may correct; else boards of a part are followed as they
-        are.
+        are (those of a door that stands ajar, and panels of a body, may always be corrected).
     """
 
     boxes: np.ndarray
@@ -82,14 +81,13 @@ def read_boards(
 
 def panels_to_json(panels: Panels) -> dict[str, Any]:
     """``panels`` of a layout's JSON (``voxels.layout``)."""
-    plain = lambda values: [round(float(v), 6) for v in values]  # noqa: E731
     rows = [{"lower": plain(box[:3]), "upper": plain(box[3:])} for box in panels.boxes]
     return {"share": round(panels.share, 4), "estimate": panels.estimate, "rows": rows}
 
 
-def panels_from_json(data: Any, name: str = "panel") -> Panels | None:
+def panels_from_json(data: Any, name: str = "panel", far: float = LIMIT) -> Panels | None:
     """Read ``panels_to_json``'s value; None, or one without rows, is None. ``name``: of a row, in
-    errors.
+    errors. ``far``: that coordinates may have.
 
     Raises:
       ValueError: one line that names the row and the field.
@@ -97,24 +95,22 @@ def panels_from_json(data: Any, name: str = "panel") -> Panels | None:
     if data is None:
         return None
     rows = json_rows(data, name, MOST_ROWS)
-    share = data.get("share", 1.0)
-    if type(share) not in (int, float) or not 0 <= share <= 1:
-        raise ValueError(f"layout: {name}s: share {share!r} is not in 0..1")
+    share = json_share(data.get("share", 1.0), f"layout: {name}s: share")
     if not isinstance(estimate := data.get("estimate", False), bool):
         raise ValueError(f"layout: {name}s: estimate {estimate!r} is neither true nor false")
     boxes = []
     for k, row in enumerate(rows):
-        lower, upper = (_corner(row, end, f"{name} {k}") for end in ("lower", "upper"))
+        lower, upper = (_corner(row, end, f"{name} {k}", far) for end in ("lower", "upper"))
         if (lower >= upper).any():
             raise ValueError(f"layout: {name} {k}: lower {lower.tolist()} must be below upper")
         boxes.append(np.concatenate([lower, upper]))
-    return Panels(np.stack(boxes), float(share), estimate) if boxes else None
+    return Panels(np.stack(boxes), share, estimate) if boxes else None
 
 
-def _corner(row: dict, end: str, where: str) -> np.ndarray:
+def _corner(row: dict, end: str, where: str, far: float) -> np.ndarray:
     values = row.get(end)
     listed = values if isinstance(values, list) else []
-    sound = [type(v) in (int, float) and -FARTHEST <= v <= FARTHEST for v in listed]
+    sound = [type(v) in (int, float) and -far <= v <= far for v in listed]
     if len(sound) != 3 or not all(sound):
-        raise ValueError(f"layout: {where}: {end} must be 3 numbers in {-FARTHEST:g}..{FARTHEST:g}")
+        raise ValueError(f"layout: {where}: {end} must be 3 numbers in {-far:g}..{far:g}")
     return np.array(values, np.float64)

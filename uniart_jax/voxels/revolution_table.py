@@ -9,12 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from uniart_jax.voxels.json_rows import FARTHEST
+from uniart_jax.voxels.json_rows import LIMIT
 
 RADII = 8  # of a part that is trained on, at the middles of as many equal layers
 SURE = 0.6  # least probability that a part is a solid of revolution
 SMALLEST = 0.002  # object units, of a radius
-LIMIT = 1.0  # object units, of radii and of coordinates
 MOST_RADII = 256  # of JSON
 AXES = "xyz"
 ROW = 1 + 2 + RADII  # of ``revolution_rows``
@@ -87,8 +86,9 @@ def revolution_to_json(revolution: Revolution) -> dict[str, Any]:
     }
 
 
-def revolution_from_json(data: Any, where: str) -> Revolution | None:
+def revolution_from_json(data: Any, where: str, far: float = LIMIT) -> Revolution | None:
     """Read ``revolution_to_json``'s value; None is None. ``where``: of the part, in errors.
+    ``far``: that coordinates and radii may have.
 
     Raises:
       ValueError: one line that names the part and the field.
@@ -97,11 +97,10 @@ def revolution_from_json(data: Any, where: str) -> Revolution | None:
         return None
     if not isinstance(data, dict) or data.get("axis") not in tuple(AXES):
         raise ValueError(f'{where}: revolution: give an object with "axis": "x", "y" or "z"')
-    far = FARTHEST
-    center = _numbers(data.get("center"), -far)
+    center = _numbers(data.get("center"), -far, far)
     if center is None or len(center) != 2:
         raise ValueError(f"{where}: revolution: center must be 2 numbers in {-far:g}..{far:g}")
-    radii = _numbers(data.get("radii"), SMALLEST)
+    radii = _numbers(data.get("radii"), SMALLEST, far)
     if radii is None or not 1 <= len(radii) <= MOST_RADII:
         raise ValueError(
             f"{where}: revolution: radii must be 1 to {MOST_RADII} numbers in {SMALLEST:g}..{far:g}"
@@ -111,7 +110,7 @@ def revolution_from_json(data: Any, where: str) -> Revolution | None:
     return Revolution(AXES.index(data["axis"]), center, radii, estimate)
 
 
-def _numbers(values: Any, least: float) -> np.ndarray | None:
+def _numbers(values: Any, least: float, most: float) -> np.ndarray | None:
     listed: list[Any] = values if isinstance(values, list) else [None]
-    sound = all(type(v) in (int, float) and least <= v <= FARTHEST for v in listed)
+    sound = all(type(v) in (int, float) and least <= v <= most for v in listed)
     return np.array(listed, np.float64) if sound else None

@@ -259,7 +259,7 @@ def test_json_brings_them_back_and_names_what_is_wrong():
         ({"heights": [0.5, 0.2]}, "leg 1: heights .* must rise"),
         ({"fill": "much"}, "leg 1: fill must be a number"),
         ({"fill": 0.3}, "leg 1: fill must be in 0.65..1, got 0.3"),
-        ({"upper": [0, 0, 10**400, 1]}, "leg 1: upper must be 4 numbers in -100..100"),
+        ({"upper": [0, 0, 10**400, 1]}, "leg 1: upper must be 4 numbers in -1..1"),
         ({"heights": [-0.5, float("nan")]}, "leg 1: heights must be 2 numbers"),
         ({"plinth": 1}, "leg 1: plinth 1 is neither"),
     ):

@@ -323,7 +323,7 @@ GOOD = {"lower": [-0.1, -0.1, -0.1], "upper": [0.1, 0.1, 0.1]}
         ({"rows": [3]}, "panel 0 is not an object"),
         ({"rows": [GOOD, GOOD | {"upper": [0.1, 0.1]}]}, "panel 1: upper must be 3 numbers"),
         ({"rows": [GOOD | {"lower": [0.1, 0.1, float("nan")]}]}, "panel 0: lower must be 3"),
-        ({"rows": [GOOD | {"lower": [-700, 0, 0]}]}, "panel 0: lower must be 3 numbers in -100"),
+        ({"rows": [GOOD | {"lower": [-7, 0, 0]}]}, "panel 0: lower must be 3 numbers in -1..1"),
         ({"rows": [GOOD], "estimate": 1}, "estimate 1 is neither true nor false"),
         ({"rows": [GOOD | {"lower": [0.1, 0, 0]}]}, "panel 0: lower .* must be below upper"),
         ({"rows": [GOOD], "share": 2}, "share 2 is not in 0..1"),

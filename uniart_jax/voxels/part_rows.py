@@ -1,0 +1,81 @@
+"""One part's entries in a layout's JSON: its name, its box, its joint, and the tree of all."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+
+from uniart_jax.objects.kinematics import Joint
+from uniart_jax.objects.names import clean
+from uniart_jax.voxels.json_rows import check_names, json_numbers, json_object
+
+ENTRIES = ("name", "parent", "box", "color", "confidence", "joint", "boards", "revolution")
+OF_JOINTS = ("type", "origin", "direction", "angle", "travel")
+MADE_UP = re.compile(r"part_\d+")  # names that ``Layout.to_json`` counts out
+MOST_TURNS = 4 * np.pi + 0.01  # radians of a joint
+
+
+def part_name(name: Any, before: list[str | None], where: str) -> str | None:
+    """A part's name, made printable; None of one that nobody gave."""
+    if name is None or (isinstance(name, str) and MADE_UP.fullmatch(name)):
+        return None
+    if not isinstance(name, str) or not clean(name) or clean(name) in before:
+        raise ValueError(f"{where}: name {str(name)[:80]!r} is no text, or is that of another part")
+    return clean(name)
+
+
+def part_box(box: dict, far: float, units: str, where: str) -> np.ndarray:
+    """[6] centre and size."""
+    center, size = (json_numbers(box, name, 3, where) for name in ("center", "size"))
+    if size.min() <= 0:
+        raise ValueError(f"{where}: size {size.tolist()} must be above 0")
+    if (np.abs(center) + size / 2).max() > far:
+        words = "metres" if units == "m" else 'object units (or say "units": "m")'
+        raise ValueError(f"{where}: its box lies beyond {far:g}; lengths are {words}")
+    return np.concatenate([center, size])
+
+
+def part_joint(row: dict, parent: int | None, middle: np.ndarray, where: str) -> Joint:
+    if parent is None or row.get("joint") is None:
+        return Joint.fixed()
+    data = json_object(row, "joint", where)
+    check_names(data, OF_JOINTS, f"{where}: joint")
+    angle, travel = (
+        json_numbers(data, name, 2, where) if name in data else np.zeros(2)
+        for name in ("angle", "travel")
+    )
+    if not angle.any() and not travel.any():
+        if data.get("type", "fixed") != "fixed" and not {"angle", "travel"} & set(data):
+            raise ValueError(f"{where}: joint has no range; give angle or travel")
+        return Joint.fixed()
+    if np.abs(angle).max() > MOST_TURNS:
+        raise ValueError(f"{where}: angle {angle.tolist()} turns too far; give radians")
+    direction = json_numbers(data, "direction", 3, where)
+    length = float(np.linalg.norm(direction))
+    if length < 1e-6:
+        raise ValueError(f"{where}: direction has no length")
+    origin = json_numbers(data, "origin", 3, where) if "origin" in data else middle
+    try:
+        return Joint(
+            origin,
+            direction / length,
+            angle=(float(angle[0]), float(angle[1])),
+            travel=(float(travel[0]), float(travel[1])),
+        )
+    except ValueError as error:
+        raise ValueError(f"{where}: joint: {error}") from None
+
+
+def check_tree(parents: list[int]) -> None:
+    roots = [k for k, parent in enumerate(parents) if parent < 0]
+    if len(roots) != 1:
+        raise ValueError(f"layout: {len(roots)} parts without a parent; give exactly one root")
+    for k in range(len(parents)):
+        seen, at = set(), k
+        while at >= 0:
+            if at in seen:
+                raise ValueError(f"layout: part {k}: its parents go in a circle")
+            seen.add(at)
+            at = parents[at]
