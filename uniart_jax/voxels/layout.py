@@ -7,7 +7,7 @@ any, as metres: ``Layout.normalized``), angles in radians, colours sRGB in 0..1:
     {"schema": 1, "frame": "object: z up, front at -x, shown state, longest side 1, centred",
      "camera": [7] code (``voxels.camera_code``) of the picture that is sampled from, or null,
      "certainty": expected share of moving parts that is right (``inference.certainty``), or null,
-     "parts": [{"name", "parent": row or null, "box": {"center": [3], "size": [3]},
+     "parts": [{"name", "parent": row, or its name, or null, "box": {"center": [3], "size": [3]},
                 "color": [3], "confidence",
                 "joint": {"type", "origin": [3], "direction": [3], "angle": [2], "travel": [2]},
                 "boards": null or as "panels", of the part,
@@ -65,6 +65,7 @@ from uniart_jax.voxels.revolution_table import (
 SCHEMA = 1
 FRAME = "object: z up, front at -x, shown state, longest side 1, centred"
 ROOT = -1  # name of the virtual root
+LARGEST = 1e12  # of a number in JSON; what is larger counts as not finite
 
 
 @dataclasses.dataclass(frozen=True)
@@ -253,7 +254,7 @@ class Layout:
         """
         try:
             data = json.loads(text)
-        except (json.JSONDecodeError, RecursionError) as error:
+        except (ValueError, RecursionError) as error:
             raise ValueError(f"layout: not valid JSON ({error})") from None
         if not isinstance(data, dict) or data.get("schema") != SCHEMA:
             raise ValueError(f'layout: give an object with "schema": {SCHEMA}')
@@ -262,6 +263,7 @@ class Layout:
             raise ValueError('layout: "parts" must be a list of at least one part')
         boxes, joints, parents, colors, confidence = [], [], [], [], []
         boards, revolutions, names = [], [], []
+        called = [row.get("name") if isinstance(row, dict) else None for row in rows]
         for k, row in enumerate(rows):
             where = f"layout: part {k}"
             if not isinstance(row, dict):
@@ -275,6 +277,8 @@ class Layout:
                 raise ValueError(f"{where}: size {size.tolist()} must be above 0")
             boxes.append(np.concatenate([_numbers(box, "center", 3, where), size]))
             parent = row.get("parent")
+            if isinstance(parent, str) and parent in called:
+                parent = called.index(parent)
             if parent is not None and (type(parent) is not int or not 0 <= parent < len(rows)):
                 raise ValueError(f"{where}: parent {parent!r} is no row of the table, nor null")
             parents.append(ROOT if parent is None else parent)
@@ -327,7 +331,7 @@ def _numbers(row: dict, name: str, count: int, where: str) -> np.ndarray:
     if not (
         isinstance(values, list)
         and len(values) == count
-        and all(type(v) in (int, float) and np.isfinite(v) for v in values)
+        and all(type(v) in (int, float) and abs(v) < LARGEST for v in values)
     ):
         raise ValueError(f"{where}: {name} must be {count} finite numbers")
     return np.array(values, np.float64)
