@@ -186,6 +186,7 @@ class Pipeline(Networks):
         if alone := image is None:
             if not isinstance(layout, Layout):
                 raise ValueError("sample: give an image, a layout, or both")
+            progress("drawing the layout")
             told, longest = layout.normalized()
             side = longest if layout.metres else None
             image, camera = render_layout(told)
@@ -210,7 +211,8 @@ class Pipeline(Networks):
             tolerance=tolerance,
             mirrored=mirrored,
         )
-        progress("drawing the layout" if alone else "looking at the image")
+        if not alone:
+            progress("looking at the image")
         cut = [self.cut_out(view, background) for view in views]
         shown = [picture for picture, _ in cut]
         pixels = np.stack([self._crop(view) for view in shown])

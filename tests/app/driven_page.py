@@ -56,6 +56,16 @@ def make(page, seconds=PATIENCE):
     patient(page, f"{frames}.every(f => f.contentWindow.viewer)", seconds)
 
 
+def write(page, words):
+    """The table's text, as one who types it and then clicks elsewhere."""
+    page.evaluate(
+        "(words => { const box = document.querySelector('#table textarea'); box.focus();"
+        "Object.getOwnPropertyDescriptor(HTMLTextAreaElement.prototype, 'value').set"
+        ".call(box, words); box.dispatchEvent(new Event('input', {bubbles: true})); box.blur(); })"
+        f"({json.dumps(words)})"
+    )
+
+
 def move_slider(page, name):
     """A joint to its upper end by the keyboard, inside the object's frame -> its coordinate."""
     frame = "document.querySelector('#objects iframe').contentWindow"

@@ -14,7 +14,7 @@ from PIL import Image
 from toy_pipeline import ToyPipeline, toy_layout
 
 from uniart_jax.app import examples, making
-from uniart_jax.app.examples import example_pictures
+from uniart_jax.app.examples import example_pictures, example_tables
 from uniart_jax.app.making import Options, analyze, make, planned, sentence, stage_of, zip_assets
 from uniart_jax.pipeline import Pipeline
 from uniart_jax.voxels.kind import kind_of
@@ -88,7 +88,7 @@ def test_samples_that_differ_by_themselves_take_the_models_steps(tmp_path):
 def test_the_steps_that_the_pipeline_tells_are_known():
     steps = re.findall(r"progress\((f?\"[^\"]+\")\)", inspect.getsource(Pipeline.sample))
     stages = [stage_of(eval(step, {"coords": [1, 2]})) for step in steps]
-    assert stages == [None, "structure", "surfaces", "joints"]
+    assert stages == [None, None, "structure", "surfaces", "joints"]
 
 
 def test_whoever_stops_telling_stops_the_work(tmp_path):
@@ -174,15 +174,17 @@ def test_examples_are_there_and_a_wheel_takes_them_along():
     assert OVEN in pictures and pictures[-1] == ROOT / "examples" / "photograph.jpg"
     built = tomllib.loads((ROOT / "pyproject.toml").read_text())
     wheel = built["tool"]["hatch"]["build"]["targets"]["wheel"]
-    for picture in pictures:
+    assert ROOT / "examples" / "layouts" / "chest.json" in example_tables()
+    for picture in [*pictures, *example_tables()]:
         place = picture.relative_to(ROOT).as_posix()
         assert any(place.startswith(taken) for taken in wheel["only-include"]), place
     assert wheel["sources"]["examples"] == "uniart_jax/examples"
 
 
 def test_an_installed_package_has_its_examples_inside(tmp_path, monkeypatch):
-    for name in ("images/a.png", "images/a.txt", "photograph.jpg"):
+    for name in ("images/a.png", "images/a.txt", "photograph.jpg", "layouts/a.json"):
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).touch()
     monkeypatch.setattr(examples, "_INSIDE", tmp_path)
     assert example_pictures() == [tmp_path / "images" / "a.png", tmp_path / "photograph.jpg"]
+    assert example_tables() == [tmp_path / "layouts" / "a.json"]

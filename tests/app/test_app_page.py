@@ -19,7 +19,18 @@ from types import SimpleNamespace
 import mujoco
 import pytest
 from chromium import chromium
-from driven_page import PATIENCE, make, move_slider, patient, press, show, text, until, upload
+from driven_page import (
+    PATIENCE,
+    make,
+    move_slider,
+    patient,
+    press,
+    show,
+    text,
+    until,
+    upload,
+    write,
+)
 from PIL import Image
 from toy_pipeline import ToyPipeline
 
@@ -140,6 +151,7 @@ def test_an_example_becomes_an_object_and_a_zip(opened, toy, tmp_path):
     assert "2 parts, 1 of them moves" in text(opened, "#seen")
     make(opened)
     assert toy.pipeline.asked[-1]["seed"] == 0 and toy.pipeline.asked[-1]["steps"] is None
+    assert toy.pipeline.asked[-1]["layout"].parents == (1, -1)  # as it was read, not as its text
     assert "1 drawer" in text(opened, "#objects") and "checks passed" in text(opened, "#checks")
     assert opened.evaluate("document.querySelectorAll('#stages li.done').length") == 8
     assert move_slider(opened, "drawer_1") == pytest.approx(0.3, abs=0.01)
@@ -228,6 +240,35 @@ def test_an_upload_whose_turn_never_came_goes_with_its_page(opened, toy, tmp_pat
         toy.pipeline.go.set()
 
 
+@pytest.mark.browser
+def test_a_table_is_edited_or_stands_alone(opened, toy):
+    table = "document.querySelector('#table textarea')?.value"
+    upload(opened, OVEN)
+    patient(opened, "document.querySelectorAll('#seen img').length === 2")
+    opened.evaluate("document.querySelector('#table button').click()")
+    patient(opened, f"{table}?.includes('drawer_1')")
+    read = opened.evaluate(table)
+    write(opened, read[:-1])
+    patient(opened, "document.querySelector('#seen .ua-trouble') !== null")
+    assert "not valid JSON" in text(opened, "#seen .ua-trouble")
+    patient(opened, "document.querySelector('#make').disabled")
+    write(opened, read.replace("drawer_1", "tray"))
+    patient(opened, "document.querySelector('#seen .ua-parts')?.innerText.includes('tray')")
+    make(opened)
+    assert toy.pipeline.asked[-1]["layout"].names == ("part_0", "tray")
+    examples = "[...document.querySelectorAll('#table button')]"
+    opened.evaluate(f"{examples}.find(b => b.innerText.trim() === 'chest').click()")
+    patient(opened, "document.querySelector('#seen')?.innerText.includes('Plain picture')")
+    patient(opened, "document.querySelector('#picture input[type=file]') !== null")
+    patient(opened, "document.querySelector('#objects iframe') === null")
+    assert '"lid"' in opened.evaluate(table) and "lid" in text(opened, "#seen .ua-parts")
+    make(opened)
+    assert toy.pipeline.asked[-1]["layout"].names == ("body", "lid")
+    upload(opened, OVEN)
+    patient(opened, f"{table}.includes('drawer_1')")
+    patient(opened, "document.querySelector('#seen')?.innerText.includes('as they are read')")
+
+
 @needs_gradio
 def test_work_for_a_page_that_was_left_stops(tmp_path):
     from uniart_jax.app.page import Desk
@@ -236,7 +277,7 @@ def test_work_for_a_page_that_was_left_stops(tmp_path):
     desk, request = Desk(pipeline, sessions, "toy"), SimpleNamespace(session_hash="one")
     payload = {"path": str(shutil.copy(OVEN, tmp_path))}
     pipeline.go.clear()
-    told = desk.make(payload, 1, 0, None, None, "auto", False, request)
+    told = desk.make(payload, 1, 0, None, None, "auto", False, "", request)
     for stage in ("Looking", "Which voxels"):
         assert re.search(f'class="now"[^>]*>{stage}', next(told)[0])
     desk.leave(request)
@@ -252,7 +293,7 @@ def test_fields_that_cannot_be_are_a_sentence(tmp_path):
 
     desk = Desk(ToyPipeline(), Sessions(tmp_path), "toy")
     request = SimpleNamespace(session_hash="one")
-    fields = [{"path": "/etc/hostname"}, 9, 0, None, None, "auto", False]
+    fields = [{"path": "/etc/hostname"}, 9, 0, None, None, "auto", False, ""]
     (told,) = desk.make(*fields, request)
     assert "samples: give 1 to 4" in told[0] and 'role="alert"' in told[0]
     fields[1] = 1

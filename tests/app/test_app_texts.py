@@ -53,11 +53,11 @@ def made(seed=0, validation=FOUND, folder="/made/a b/<x>"):
     return Made(Path(folder), seed, "1 slider", report)
 
 
-def seen(way="plain", background="auto", layout=None):
+def seen(way="plain", background="auto", layout=None, edited=False):
     pixels = np.zeros((8, 8, 4), np.uint8)
     drawn = None if layout is None else Path("/s/parts.png")
-    picture, cut = Path("/up.png"), Path("/s/cut.png")
-    return Analysis(picture, pixels, pixels, background, way, layout, cut, drawn)
+    picture, cut = None if way == "table" else Path("/up.png"), Path("/s/cut.png")
+    return Analysis(picture, pixels, pixels, background, way, layout, cut, drawn, edited)
 
 
 def test_sentences_are_text():
@@ -80,9 +80,20 @@ def test_the_cut_out_and_the_parts():
     assert "as asked" in Elements(texts.look_html(seen("none", "keep"))).text
 
 
+def test_parts_of_a_table_have_its_names():
+    twice = dataclasses.replace(toy_layout(), boxes=2 * toy_layout().boxes, names=("<tray>", "b"))
+    page = Elements(texts.look_html(seen("table", layout=twice, edited=True)))
+    assert "Plain picture" in page.text and "Parts of the table" in page.text
+    assert "<tray>" in page.text and "confidence" not in page.text
+    assert "slides by 15% of the object's size" in page.text
+    page = Elements(texts.look_html(seen(layout=toy_layout(), edited=True)))
+    assert "Cut-out" in page.text and "Parts of the table" in page.text
+    assert "confidence 0.90" in page.text
+
+
 def test_parts_in_words():
     base, drawer = read_parts(toy_layout())
-    assert (base.kind, drawer.kind) == ("base", "drawer")
+    assert (base.kind, drawer.kind) == (base.name, drawer.name) == ("base", "drawer")
     assert base.color != drawer.color and not base.moves and drawer.moves
     ordered = root_first(toy_layout())
     assert ordered.parents == (-1, 0) and ordered.joints[1] == toy_layout().joints[0]

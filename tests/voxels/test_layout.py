@@ -106,6 +106,32 @@ BODY = {"parent": None, "box": CUBE}
 TRAY = {"parent": 0, "box": CUBE, "joint": SLIDE}
 
 
+def test_a_parent_may_be_told_by_its_name():
+    box = {"center": [0, 0, 0], "size": [1, 1, 1]}
+    rows = [
+        {"name": "knob", "parent": "door", "box": box, "joint": SLIDE},
+        {"name": "door", "parent": "part_2", "box": box, "joint": SLIDE},
+        {"parent": None, "box": box},
+    ]
+    read = lambda: Layout.from_json(json.dumps({"schema": 1, "parts": rows}))  # noqa: E731
+    with pytest.raises(ValueError, match="part 1: parent 'part_2' is no row of the table"):
+        read()
+    rows[2]["name"] = "body"
+    rows[1]["parent"] = "body"
+    assert read().parents == (1, 2, -1)
+
+
+def test_a_number_that_no_float_holds_is_refused_in_one_line():
+    box = {"center": [0, 0, 10**400], "size": [1, 1, 1]}
+    for center in (10**400, 1e300, -(10**13)):
+        box["center"][2] = center
+        rows = [{"parent": None, "box": box}]
+        with pytest.raises(ValueError, match="part 0: center must be 3 finite numbers"):
+            Layout.from_json(json.dumps({"schema": 1, "parts": rows}))
+    with pytest.raises(ValueError, match="layout: not valid JSON"):
+        Layout.from_json("9" * 5000)
+
+
 def test_names_are_kept_and_told_apart():
     bare = Layout.from_json(as_text(BODY, TRAY))
     assert bare.names == () and bare.name(1) == "part_1"

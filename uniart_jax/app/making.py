@@ -1,4 +1,4 @@
-"""What the page does with a picture: look at it, make objects of it, put them in a zip.
+"""What the page does with a picture or a table: look at it, make objects of it, put them in a zip.
 
 Everything is told as it goes: ``tell(stage)`` is called as each of ``STAGES`` begins, and whatever
 it raises ends the work.
@@ -21,6 +21,7 @@ from uniart_jax.app.part_words import root_first
 from uniart_jax.config import Background
 from uniart_jax.data.background import cut_out
 from uniart_jax.data.images import crop, read_image
+from uniart_jax.data.layout_renders import render_layout
 from uniart_jax.evaluation.sampled import details, steps_of_several
 from uniart_jax.export.words import moving_words
 from uniart_jax.simulation.refine import mend
@@ -99,13 +100,16 @@ class Analysis:
     """What is seen in a picture before anything is made of it.
 
     Attributes:
-      picture: the file. rgba, cut: [H, W, 4] uint8, as it was read and with the object cut out.
-      background: how it was to be cut out; way: how it was (``data.background``).
-      layout: the parts as they are read; None where the checkpoint has no layout network.
+      picture: the file; None of a table alone. rgba, cut: [H, W, 4] uint8, as it was read and with
+        the object cut out; of a table alone the plain picture of it.
+      background: how it was to be cut out; way: how it was (``data.background``), or "table".
+      layout: the parts as they are read, or as a table says; None where the checkpoint has no
+        layout network. Of a table alone its lengths are those of the table.
       shown, drawn: PNG files of the cut-out and, if there is a layout, of boxes and axes over it.
+      edited: whether the layout is not as it was read.
     """
 
-    picture: Path
+    picture: Path | None
     rgba: np.ndarray
     cut: np.ndarray
     background: Background
@@ -113,6 +117,12 @@ class Analysis:
     layout: Layout | None
     shown: Path
     drawn: Path | None
+    edited: bool = False
+
+    @property
+    def stem(self) -> str:
+        """What files of it are called."""
+        return "object" if self.picture is None else safe_stem(self.picture)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -137,13 +147,40 @@ def analyze(pipeline: Pipeline, picture: Path, background: Background, folder: P
     name = f"image '{picture}'"
     cut, way = cut_out(rgba, background, name, lambda: pipeline.mask_predictor)
     layout = pipeline.layout_or_none(cut, "keep")
-    square = crop(cut, SIDE, pipeline.config.model.image_encoder.crop_margin)
-    shown, drawn = folder / "cut-out.png", None
+    shown = folder / "cut-out.png"
+    square = _square(pipeline, cut)
     Image.fromarray(square).save(shown)
-    if layout is not None:
-        drawn = folder / "parts.png"
-        draw_layout(square, root_first(layout), SIDE).save(drawn)
+    drawn = None if layout is None else _drawn(square, layout, folder)
     return Analysis(picture, rgba, cut, background, way, layout, shown, drawn)
+
+
+def edited(pipeline: Pipeline, seen: Analysis, layout: Layout, folder: Path) -> Analysis:
+    """The same picture with another layout, drawn into ``folder``."""
+    drawn = _drawn(_square(pipeline, seen.cut), layout, folder)
+    return dataclasses.replace(seen, layout=layout, drawn=drawn, edited=True)
+
+
+def of_table(pipeline: Pipeline, layout: Layout, folder: Path) -> Analysis:
+    """A table without a picture: the plain picture of it, which the networks are shown
+    (``Pipeline.sample``), and its boxes over that, both drawn into ``folder``."""
+    plain, _ = layout.normalized()
+    image, camera = render_layout(plain)
+    shown, square = folder / "plain.png", _square(pipeline, image)
+    Image.fromarray(square).save(shown)
+    drawn = _drawn(square, dataclasses.replace(plain, camera=camera), folder)
+    return Analysis(None, image, image, "auto", "table", layout, shown, drawn, edited=True)
+
+
+def _square(pipeline: Pipeline, cut: np.ndarray) -> np.ndarray:
+    """What the page shows of a cut-out."""
+    return crop(cut, SIDE, pipeline.config.model.image_encoder.crop_margin)
+
+
+def _drawn(square: np.ndarray, layout: Layout, folder: Path) -> Path:
+    """The file of a layout drawn over its picture."""
+    path = folder / "parts.png"
+    draw_layout(square, root_first(layout), SIDE).save(path)
+    return path
 
 
 def make(
@@ -154,7 +191,8 @@ def make(
     tell: Tell,
     checkpoint: str = "",
 ) -> tuple[list[Made], list[str]]:
-    """Objects of a picture, as ``sample.py`` makes them, each in a folder of its own in ``folder``.
+    """Objects of what was seen, as ``sample.py`` makes them, each in a folder of its own in
+    ``folder``.
 
     Args:
       seen: the picture and its parts. tell: called as each stage begins.
@@ -178,6 +216,8 @@ def make(
     for index, (i, one) in enumerate(drawn.items()):
         name = "asset" if options.samples == 1 else f"sample-{i}"
         told = details(objects, index) | {"background": [seen.way]}
+        if seen.picture is None:
+            del told["background"]  # nothing was cut out
         try:
             made.append(
                 _write(one, seen, options, options.seed + i, folder / name, told, tell, checkpoint)
@@ -200,9 +240,9 @@ def _draw(pipeline: Pipeline, seen: Analysis, options: Options, i: int, tell: Te
             tell(stage)
 
     return pipeline.sample(
-        seen.cut,
+        None if seen.picture is None else seen.cut,
         seed=options.seed + i,
-        name=safe_stem(seen.picture),
+        name=seen.stem,
         layout=seen.layout or True,
         background="keep",  # what is cut away is cut away
         progress=progress,

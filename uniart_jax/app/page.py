@@ -27,13 +27,16 @@ from uniart_jax.app.making import (
     Analysis,
     Options,
     analyze,
+    edited,
     make,
+    of_table,
     planned,
-    safe_stem,
     sentence,
     zip_assets,
 )
 from uniart_jax.app.sessions import Session, Sessions
+from uniart_jax.app.table import followed_layout, is_unchanged, table_text
+from uniart_jax.app.table_box import example_text, table_box
 from uniart_jax.app.texts import (
     checks_html,
     hint_html,
@@ -50,7 +53,8 @@ MODEL = "model"  # the queue that all work waits in
 WAITING = 20  # requests in it at most
 TITLE = "uniart"
 HEADER = """# uniart
-A picture of one object becomes a 3D object whose parts move. All of it happens on this machine."""
+A picture of one object, or a table of its parts, becomes a 3D object whose parts move. All of it
+happens on this machine."""
 
 
 class Left(Exception):
@@ -68,23 +72,52 @@ class Desk:
         self.pipeline, self.sessions, self.checkpoint = pipeline, sessions, checkpoint
         self._turn = threading.Lock()  # work of a page that was left may go on for a moment
 
-    def came(self, payload: Any, request: gr.Request) -> None:
-        """A picture was uploaded, and goes with its page even if its turn never comes."""
+    def came(self, payload: Any, request: gr.Request) -> tuple[Any, Any]:
+        """A picture was uploaded, and goes with its page even if its turn never comes. Until it was
+        looked at, the button does not work, and no table is shown: it would be of another."""
         session = self.sessions.of(str(request.session_hash))
         with contextlib.suppress(ValueError, OSError):  # ``analyze`` tells of it
             self.sessions.take(session, payload)
+        return (gr.Button(interactive=False), "") if payload else (gr.skip(), gr.skip())
 
-    def look(self, payload: Any, background: Any, request: gr.Request) -> tuple[Any, ...]:
-        """A picture was chosen or taken away: cut-out and parts, and whether the button works."""
+    def look(
+        self, payload: Any, background: Any, table: Any, request: gr.Request
+    ) -> tuple[Any, ...]:
+        """A picture was chosen or taken away: cut-out and parts, whether the button works, and the
+        table that was read; where there is no picture, a table stays if a person wrote it."""
         session = self.sessions.of(str(request.session_hash))
         nothing = ("", "", "", gr.DownloadButton(visible=False))
         if not payload:
-            return hint_html(self.checkpoint), gr.Button(interactive=False), *nothing
+            before = session.looked and session.looked.layout
+            if before is not None and isinstance(table, str) and is_unchanged(table, before):
+                table = ""
+            return *self.show(None, background, table, request), *nothing, table
         try:
             seen = self._in_turn(session, lambda: self._seen(session, payload, background))
+            text = "" if seen.layout is None else table_text(seen.layout)
         except Exception as error:
-            return sentence_html(self._told(error, payload)), gr.Button(interactive=False), *nothing
-        return look_html(seen), gr.Button(interactive=True), *nothing
+            told = sentence_html(self._told(error, payload))
+            return told, gr.Button(interactive=False), *nothing, ""
+        return look_html(seen), gr.Button(interactive=True), *nothing, text
+
+    def show(
+        self, payload: Any, background: Any, table: Any, request: gr.Request
+    ) -> tuple[Any, Any]:
+        """What the table's text says, drawn and in words, and whether the button works."""
+        session = self.sessions.of(str(request.session_hash))
+        if not payload and not str(table or "").strip():
+            return hint_html(self.checkpoint), gr.Button(interactive=False)
+        try:
+            work = lambda: self._followed(session, payload, background, table)  # noqa: E731
+            seen = self._in_turn(session, work)
+        except Exception as error:
+            return sentence_html(self._told(error, payload)), gr.Button(interactive=False)
+        return look_html(seen), gr.Button(interactive=True)
+
+    def pick(self, number: Any, request: gr.Request) -> tuple[Any, str]:
+        """An example of a table was chosen: it is for itself, without the picture."""
+        self.sessions.of(str(request.session_hash)).looked = None  # nor is it the picture's table
+        return None, example_text(number)
 
     def make(
         self,
@@ -95,17 +128,18 @@ class Desk:
         guidance: Any,
         background: Any,
         check: Any,
+        table: Any,
         request: gr.Request,
     ) -> Iterator[tuple[Any, ...]]:
         """The button was pressed: the stages as they come, then objects, checks and the zip."""
         session = self.sessions.of(str(request.session_hash))
-        ready, skip = gr.Button(interactive=True), gr.skip()
+        ready, busy, skip = gr.Button(interactive=True), gr.Button(interactive=False), gr.skip()
         try:
             options = Options.read(samples, seed, steps, guidance, background, check)
             plan, begun, now = planned(options), Counter[str](), None
 
             def work(tell: Callable[[str], None]) -> tuple[str, str, Path]:
-                return self._made(session, payload, options, tell)
+                return self._made(session, payload, table, options, tell)
 
             for event in self._told_work(session, work):
                 if not isinstance(event, str):
@@ -113,7 +147,7 @@ class Desk:
                     break
                 now = event
                 begun[now] += 1
-                yield stages_html(plan, begun, now), skip, skip, skip, skip
+                yield stages_html(plan, begun, now), skip, skip, skip, busy
             taken = gr.DownloadButton(
                 f"Download {file.name} ({file.stat().st_size / 1e6:.1f} MB)",
                 value=str(file),
@@ -138,17 +172,42 @@ class Desk:
         session.looked = analyze(self.pipeline, picture, background, folder)
         return session.looked
 
+    def _followed(self, session: Session, payload: Any, background: Any, table: Any) -> Analysis:
+        """What is seen in the picture, if there is one, with the layout that the table's text asks
+        for; of the same text as before, what was shown then."""
+        seen = self._seen(session, payload, background) if payload else None
+        read = None if seen is None else seen.layout
+        if seen is not None and not str(table or "").strip():
+            return seen
+        layout = followed_layout(table, read)
+        if seen is not None and layout is read:
+            return seen
+        before = session.followed
+        if before is not None and before[0] is seen and before[1] == table:
+            return before[2]
+        folder = self.sessions.fresh(session, "table")
+        if seen is None:
+            found = of_table(self.pipeline, layout, folder)
+        else:
+            found = edited(self.pipeline, seen, layout, folder)
+        session.followed = seen, table, found
+        return found
+
     def _made(
-        self, session: Session, payload: Any, options: Options, tell: Callable[[str], None]
+        self,
+        session: Session,
+        payload: Any,
+        table: Any,
+        options: Options,
+        tell: Callable[[str], None],
     ) -> tuple[str, str, Path]:
         """HTML of the objects and of their checks, and the zip."""
         tell("look")
-        seen = self._seen(session, payload, options.background)
+        seen = self._followed(session, payload, options.background, table)
         folder = self.sessions.fresh(session, "object")
         made, failed = make(self.pipeline, seen, options, folder, tell, self.checkpoint)
         tell("zip")
-        stem = safe_stem(seen.picture)
-        file = zip_assets(made, stem, folder / f"{stem}.zip")
+        file = zip_assets(made, seen.stem, folder / f"{seen.stem}.zip")
         return objects_html(made), checks_html(made, failed), file
 
     def _told_work(
@@ -224,6 +283,7 @@ def build(desk: Desk) -> gr.Blocks:
                         elem_id="examples",
                         api_visibility="private",
                     )
+                table = table_box()
                 samples = gr.Slider(
                     1,
                     MOST_SAMPLES,
@@ -272,16 +332,28 @@ def build(desk: Desk) -> gr.Blocks:
         asked = {"preprocess": False, "api_visibility": "private"}
         worked = {**asked, "concurrency_id": MODEL, "concurrency_limit": 1}
         quiet = {"show_progress": "minimal", "show_progress_on": [seen]}
-        picture.change(desk.came, [picture], queue=False, show_progress="hidden", **asked)
-        gr.on(
-            [picture.change, background.change],
-            desk.look,
-            [picture, background],
-            [seen, button, stages, objects, checks, take],
-            trigger_mode="always_last",
-            **worked,
-            **quiet,
-        )
+        looked = {"trigger_mode": "always_last", **worked, **quiet}
+        shown = [seen, button, stages, objects, checks, take, table.text]
+        told = [picture, background, table.text]
+        picture.change(
+            desk.came,
+            [picture],
+            [button, table.text],
+            queue=False,
+            show_progress="hidden",
+            **asked,
+        ).then(desk.look, told, shown, **looked)
+        background.change(desk.look, told, shown, **looked)
+        gr.on([table.show.click, table.text.blur], desk.show, told, [seen, button], **looked)
+        if table.examples is not None:
+            table.examples.click(
+                desk.pick,
+                [table.examples],
+                [picture, table.text],
+                queue=False,
+                show_progress="hidden",
+                **asked,
+            ).then(desk.show, told, [seen, button], **looked)
         button.click(
             lambda: (
                 waiting_html(),
@@ -294,7 +366,7 @@ def build(desk: Desk) -> gr.Blocks:
             api_visibility="private",
         ).then(
             desk.make,
-            [picture, samples, seed, steps, guidance, background, check],
+            [picture, samples, seed, steps, guidance, background, check, table.text],
             [stages, objects, checks, take, button],
             show_progress="hidden",
             **worked,

@@ -6,19 +6,23 @@ import dataclasses
 
 import numpy as np
 
+from uniart_jax.export.naming import is_made_up
 from uniart_jax.export.page import part_color
 from uniart_jax.export.part_kinds import part_kinds
 from uniart_jax.objects.kinematics import Joint
+from uniart_jax.objects.names import clean
 from uniart_jax.voxels.kind import joint_kinds
 from uniart_jax.voxels.layout import Layout
 
 
 @dataclasses.dataclass(frozen=True)
 class ReadPart:
-    """A row. ``color``: "#rrggbb", as it is drawn (``layout_picture``)."""
+    """A row. ``color``: "#rrggbb", as it is drawn (``layout_picture``); ``name``: what somebody
+    called it, else its kind."""
 
     color: str
     kind: str
+    name: str
     motion: str
     confidence: float
     moves: bool
@@ -27,15 +31,18 @@ class ReadPart:
 def read_parts(layout: Layout) -> list[ReadPart]:
     """[K], in the order of ``root_first``."""
     rows, layout = [], root_first(layout)
-    for k, (joint, kind) in enumerate(zip(layout.joints, _kinds(layout), strict=True)):
+    for k, (joint, kind) in enumerate(zip(layout.joints, part_kinds_of(layout), strict=True)):
         sure = float(layout.confidence[k])
-        rows.append(ReadPart(part_color(k), kind, motion(joint), sure, joint.type != "fixed"))
+        own = clean(layout.name(k))
+        name = kind if is_made_up(own) else own
+        moves = joint.type != "fixed"
+        rows.append(ReadPart(part_color(k), kind, name, motion(joint), sure, moves))
     return rows
 
 
-def _kinds(layout: Layout) -> list[str]:
-    """[K] what each row is (``export.part_kinds``). Knobs are told by their boxes, which are never
-    round (``voxels.kind``)."""
+def part_kinds_of(layout: Layout) -> list[str]:
+    """[K] what each row is, the root first (``export.part_kinds``). Knobs are told by their
+    boxes, which are never round (``voxels.kind``)."""
     by_box = joint_kinds(layout)
     named = part_kinds(layout.to_object())
     return ["knob" if box == "knob" else kind for box, kind in zip(by_box, named, strict=True)]

@@ -33,13 +33,14 @@ class Session:
 
     Attributes:
       folder: its own, made on first use. uploads: files that it brought. looked: what the page
-        keeps of the picture that is shown (anything).
+        keeps of the picture that is shown, followed: of the table (anything).
     """
 
     def __init__(self, folder: Path):
         self.folder = folder
         self.uploads: set[Path] = set()
         self.looked: Any = None
+        self.followed: Any = None
         self.closed = False
         self.works = 0
         self.runs = 0

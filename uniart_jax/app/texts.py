@@ -23,6 +23,7 @@ CUT_OUT = {
     "rembg": "Cut out by rembg; look whether it is right.",
     "network": "Cut out by the model's mask network; look whether it is right.",
     "grabcut": "Cut out by GrabCut; look whether it is right.",
+    "table": "Made of the table's boxes; it is all that the model is shown.",
     "none": "Nothing was cut away: the whole picture counts as the object. Cut the object out for "
     "a better result, or pip install 'uniart_jax[photo]'.",
 }
@@ -39,16 +40,22 @@ def sentence_html(text: str) -> str:
 
 
 def look_html(seen: Analysis) -> str:
-    """The cut-out and, beside it, the parts as they are read."""
+    """The cut-out and, beside it, the parts as they are read, or as a table says."""
+    alone = seen.picture is None
     told = CUT_OUT.get(seen.way, "")
     if seen.background == "keep" and seen.way == "none":
         told = "Nothing is cut away, as asked."
-    figures = [_figure(seen.shown, "The object, cut out of the picture", "Cut-out", told)]
+    alt, title = "The object, cut out of the picture", "Cut-out"
+    if alone:
+        alt, title = "The table's boxes as a plain picture", "Plain picture"
+    figures = [_figure(seen.shown, alt, title, told)]
     if seen.drawn is not None and seen.layout is not None:
         alt = "The parts' boxes and joint axes, drawn over the picture"
         told = "Boxes; axes in white; the way that each moving part goes."
-        figures.append(_figure(seen.drawn, alt, "Parts as they are read", told))
-        figures.append(_parts_html(str(kind_of(seen.layout)), read_parts(seen.layout)))
+        title = "Parts of the table" if seen.edited else "Parts as they are read"
+        figures.append(_figure(seen.drawn, alt, title, told))
+        layout = seen.layout.normalized()[0] if alone else seen.layout
+        figures.append(_parts_html(str(kind_of(layout)), read_parts(layout), not alone))
     else:
         figures.append('<p class="ua-soft">This checkpoint reads no parts ahead.</p>')
     return f'<div class="ua-look">{"".join(figures)}</div>'
@@ -61,7 +68,9 @@ def hint_html(checkpoint: str) -> str:
         "little of photographs and of other things."
     )
     told = f" {known}" if checkpoint == "nano" else ""
-    start = "Drop a picture of one object on the left, or pick an example."
+    start = (
+        "Drop a picture of one object on the left, or pick an example; or give a table of parts."
+    )
     return f'<p class="ua-hint">{start}{told}</p>'
 
 
@@ -152,12 +161,14 @@ def _figure(path: Path, alt: str, title: str, told: str) -> str:
     )
 
 
-def _parts_html(kind: str, parts: Sequence[ReadPart]) -> str:
+def _parts_html(kind: str, parts: Sequence[ReadPart], sure: bool) -> str:
+    """``sure``: also how sure the network is."""
+    confidence = [f"confidence {part.confidence:.2f}" if sure else "" for part in parts]
     rows = "".join(
-        f'<li><i style="background:{part.color}"></i><b>{html.escape(part.kind)}</b>'
-        f'<span class="ua-soft">confidence {part.confidence:.2f}</span>'
+        f'<li><i style="background:{part.color}"></i><b>{html.escape(part.name)}</b>'
+        f'<span class="ua-soft">{told}</span>'
         f"<span>{html.escape(part.motion)}</span></li>"
-        for part in parts
+        for part, told in zip(parts, confidence, strict=True)
     )
     moving = sum(part.moves for part in parts)
     moves = f"{moving} of them {'moves' if moving == 1 else 'move'}"

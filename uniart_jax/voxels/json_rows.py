@@ -9,6 +9,7 @@ import numpy as np
 
 LIMIT = 1.0  # that coordinates may have in object units, from the middle
 FARTHEST = 100.0  # and in metres
+LARGEST = 1e12  # of a number; what is larger counts as not finite
 
 
 def json_rows(data: Any, name: str, most: int) -> list[dict[str, Any]]:
@@ -47,7 +48,7 @@ def json_numbers(row: dict, name: str, count: int, where: str) -> np.ndarray:
     if not (
         isinstance(values, list)
         and len(values) == count
-        and all(type(v) in (int, float) and np.isfinite(v) for v in values)
+        and all(type(v) in (int, float) and abs(v) < LARGEST for v in values)
     ):
         raise ValueError(f"{where}: {name} must be {count} finite numbers")
     return np.array(values, np.float64)

@@ -8,7 +8,7 @@ units, of the frame that it names, or in metres, anywhere, where there is no pic
      "units": "object" (if left out) or "m",
      "camera": [7] code (``voxels.camera_code``) of the picture that is sampled from, or null,
      "certainty": expected share of moving parts that is right (``inference.certainty``), or null,
-     "parts": [{"name", "parent": row or null, "box": {"center": [3], "size": [3]},
+     "parts": [{"name", "parent": row, or its name, or null, "box": {"center": [3], "size": [3]},
                 "color": [3], "confidence",
                 "joint": {"type", "origin": [3], "direction": [3], "angle": [2], "travel": [2]},
                 "boards": null or as "panels", of the part,
@@ -276,7 +276,7 @@ class Layout:
         """
         try:
             data = json.loads(text)
-        except (json.JSONDecodeError, RecursionError) as error:
+        except (ValueError, RecursionError) as error:
             raise ValueError(f"layout: not valid JSON ({error})") from None
         if not isinstance(data, dict) or data.get("schema") != SCHEMA:
             raise ValueError(f'layout: give an object with "schema": {SCHEMA}')
@@ -288,6 +288,7 @@ class Layout:
         far = FARTHEST if units == "m" else LIMIT
         boxes, joints, parents, colors, confidence = [], [], [], [], []
         boards, revolutions, names = [], [], []
+        called = [row.get("name") if isinstance(row, dict) else None for row in rows]
         for k, row in enumerate(rows):
             where = f"layout: part {k}"
             if not isinstance(row, dict):
@@ -296,6 +297,8 @@ class Layout:
             names.append(part_name(row.get("name"), names, where))
             boxes.append(part_box(json_object(row, "box", where), 2 * far, units, where))
             parent = row.get("parent")
+            if isinstance(parent, str) and parent in called:
+                parent = called.index(parent)
             if parent is not None and (type(parent) is not int or not 0 <= parent < len(rows)):
                 raise ValueError(f"{where}: parent {parent!r} is no row of the table, nor null")
             parents.append(ROOT if parent is None else parent)
