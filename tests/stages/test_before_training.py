@@ -32,6 +32,14 @@ def test_numbers_that_cannot_be_are_refused_before_any_work(tmp_path, field, val
     assert not (tmp_path / "w").exists()
 
 
+def test_a_bucket_is_no_workdir(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for workdir in ("gs://bucket/run", Path("gs://bucket/run")):
+        with pytest.raises(ValueError, match=r"workdir 'gs://bucket/run': .* mount the bucket"):
+            stages.Trainer(toy(tmp_path), workdir).fit("structure_vae")
+    assert not (tmp_path / "gs:").exists()
+
+
 def test_a_workdir_is_one_process_s(tmp_path):
     config = toy(tmp_path)
     with exclusive_lock(tmp_path / "w"), pytest.raises(ValueError, match="another process works"):

@@ -16,12 +16,14 @@ from uniart_jax.inference.samplers import reads_layout_cameras
 from uniart_jax.models.checkpoint import WIDENABLE, Checkpoint
 from uniart_jax.models.network import build
 from uniart_jax.procedural import WORLDS
+from uniart_jax.runtime.files import check_local
 from uniart_jax.runtime.progress import messages
 from uniart_jax.stages.stage import Stage
 from uniart_jax.training import distributed
 from uniart_jax.training.state import frozen_mask
 
 OBJECTS_A_WORKER = 8  # at least: starting one takes as long as a few objects
+FOLDERS = ("records", "validation", "layouts", "backgrounds")  # of ``DataConfig``
 COUNTS = ("steps", "batch_size", "accumulate", "log_every", "evaluate_every", "save_every")
 console = messages()
 
@@ -36,7 +38,10 @@ def overlapping(data: DataConfig) -> bool:
 
 
 def check_settings(config: Config, stages: Sequence[Stage]) -> None:
-    """ValueError where a number of a stage or the voxel buckets cannot be."""
+    """ValueError where a number of a stage or the voxel buckets cannot be, or a folder of the data
+    is an address."""
+    for field in FOLDERS:
+        check_local(getattr(config.data, field), f"data.{field}")
     for stage in stages:
         stage.check(config)
         name, settings = stage.name, stage.settings(config)

@@ -20,6 +20,7 @@ from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.checkpoint_files import write_config
 from uniart_jax.pipeline import Pipeline
 from uniart_jax.pipeline import load as load_pipeline
+from uniart_jax.runtime.files import check_local
 from uniart_jax.runtime.locks import exclusive_lock
 from uniart_jax.stages.checks import (
     check_features,
@@ -123,6 +124,7 @@ def run(
       FileNotFoundError: records, an earlier stage's weights or published ones are missing.
       FloatingPointError: loss or gradients are not finite (``StageConfig.skip_not_finite``).
     """
+    check_local(workdir, "workdir")
     workdir = Path(workdir)
     chosen = [STAGES[name] for name in trainable(config, stages)]
     names = [stage.name for stage in chosen]
