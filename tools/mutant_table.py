@@ -439,6 +439,12 @@ MUTANTS = (
         "while False",
         "tests/stages/test_trainer.py::test_batches_of_ones_own_need_no_records_and_resume",
     ),
+    Mutant(
+        "uniart_jax/stages/train_network.py",
+        "if source is not None and source.has(name):",
+        "if source is not None:",
+        "tests/stages/test_trainer.py::test_a_network_that_the_checkpoint_lacks_begins_from_scratch",
+    ),
     Mutant("uniart_jax/training/step.py", "minimum(ema_decay,", "minimum(0.9,", DECAY),
     Mutant("uniart_jax/config/training.py", "= 0.9995", "= 0.9", DECAY),
     Mutant(

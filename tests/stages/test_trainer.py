@@ -6,6 +6,7 @@ import sys
 import typing
 from pathlib import Path
 
+import jax
 import numpy as np
 import pytest
 from safetensors.numpy import load_file
@@ -13,8 +14,11 @@ from safetensors.numpy import load_file
 import uniart_jax
 from uniart_jax import config as names
 from uniart_jax.cli.train import Stage as TrainStage
-from uniart_jax.models.network import IMAGE_ENCODERS
+from uniart_jax.models.checkpoint import FLOW_INPUTS, Checkpoint
+from uniart_jax.models.checkpoint_files import write_config, write_network, write_statistics
+from uniart_jax.models.network import IMAGE_ENCODERS, build
 from uniart_jax.stages import STAGES, Stage, Trainer
+from uniart_jax.stages.flows import fixed_statistics
 from uniart_jax.stages.train_network import CountedBatches
 from uniart_jax.stages.trainer import trainable
 
@@ -99,10 +103,10 @@ def quickest(folder):
     )
 
 
-def trained(config, workdir, steps, batches):
+def trained(config, workdir, steps, batches, init=None):
     stage = dataclasses.replace(config.structure_vae, steps=steps, save_every=2)
     config = dataclasses.replace(config, structure_vae=stage)
-    trainer = Trainer(config, workdir).fit("structure_vae", batches)
+    trainer = Trainer(config, workdir, init).fit("structure_vae", batches)
     return load_file(trainer.workdir / "export" / "structure_vae.safetensors")
 
 
@@ -121,6 +125,39 @@ def test_batches_of_ones_own_need_no_records_and_resume(tmp_path):
         Trainer(config, tmp_path / "all").fit(batches=batches)
     with pytest.raises(FileNotFoundError):
         Trainer(config, tmp_path / "straight").pipeline()  # other networks are missing
+
+
+def test_a_network_that_the_checkpoint_lacks_begins_from_scratch(tmp_path, capsys):
+    config, source = quickest(tmp_path), tmp_path / "source"
+    encoder = build("image_encoder", config.model).init(jax.random.key(3))
+    write_network(source, "image_encoder", encoder)
+    write_config(source, config)
+    batches = list(occupancies(config, 1))
+    alone = trained(config, tmp_path / "alone", 1, batches)
+    capsys.readouterr()
+    beside = trained(config, tmp_path / "beside", 1, batches, source)
+    told = " ".join(capsys.readouterr().err.split())
+    assert f"structure_vae: not in {source}, so it begins from scratch" in told
+    for key, value in alone.items():
+        np.testing.assert_array_equal(beside[key], value)
+    taken = tmp_path / "beside" / "export" / "image_encoder.safetensors"
+    assert taken.read_bytes() == (source / taken.name).read_bytes()
+    write_config(tmp_path / "empty", config)
+    with pytest.raises(FileNotFoundError, match=r"empty: there is no network in it to go on from"):
+        trained(config, tmp_path / "none", 1, batches, tmp_path / "empty")
+    assert not (tmp_path / "none").exists()
+
+
+def test_a_flow_that_is_new_takes_the_records_statistics(tmp_path):
+    source = Checkpoint(tmp_path / "source")
+    source.folder.mkdir()
+    for name in FLOW_INPUTS:
+        (source.folder / f"{name}.safetensors").touch()
+    write_statistics(source.folder, "structure", np.full(4, 7.0), np.ones(4))
+    assert fixed_statistics(source, tmp_path / "w", "structure_flow") is None
+    (source.folder / "structure_flow.safetensors").touch()
+    mean, _ = fixed_statistics(source, tmp_path / "w", "structure_flow")
+    assert (mean == 7).all()
 
 
 def test_every_image_encoder_has_a_network_and_a_kind():

@@ -78,8 +78,13 @@ def networks_to_copy(
     looked at. Those that lack layers are named on the console.
 
     Raises:
-      ValueError: one of them does not fit the config.
+      ValueError: one of them does not fit the config. FileNotFoundError: it holds no network.
     """
+    if not source.networks():
+        raise FileNotFoundError(
+            f"checkpoint {source.folder}: there is no network in it to go on from; give a folder "
+            "that holds NETWORK.safetensors, such as a WORKDIR"
+        )
     names = source.copyable(config, trained, target)
     for name in names:
         source.load(name, config.model)
@@ -94,6 +99,16 @@ def networks_to_copy(
                 markup=False,
             )
     return names
+
+
+def tell_from_scratch(source: Checkpoint, name: str) -> None:
+    """Say that a network is trained from its beginning, as checkpoint ``source`` has none."""
+    if distributed.is_first():
+        console.print(
+            f"{name}: not in {source.folder}, so it begins from scratch",
+            style="yellow",
+            markup=False,
+        )
 
 
 def check_found(

@@ -12,7 +12,7 @@ from typing import Any
 import jax
 import optax
 
-from uniart_jax.config import NETWORKS, Config, ModelConfig
+from uniart_jax.config import Config, ModelConfig
 from uniart_jax.data.image_table import load_image_table
 from uniart_jax.models.checkpoint import Checkpoint, set_untrained
 from uniart_jax.models.checkpoint_files import write_network
@@ -109,7 +109,7 @@ def train_network(
         start = abstract_state(network.init, optimizer, mesh)
     else:
         start = create_state(network.init, optimizer, key, mesh)
-        if source is not None and goes_on(source, name):
+        if source is not None and source.has(name):
             start = begin_with(start, source.load(name, config.model, widen=True))
         elif first := stage.first_weights(config):
             start = begin_with(start, first)
@@ -137,12 +137,6 @@ def train_network(
         )
     write_network(exported.folder, name, state.ema)  # on every process; the first one writes
     distributed.on_first_process(lambda: set_untrained(exported.folder, [name]))
-
-
-def goes_on(source: Checkpoint, name: str) -> bool:
-    """Whether a training that goes on from ``source`` begins with its weights of a network: not
-    where it has none of a network that models can do without, as checkpoints of before have."""
-    return name in NETWORKS or source.has(name)
 
 
 def counted(stage: Stage, batches: Iterable[Any]) -> Any:

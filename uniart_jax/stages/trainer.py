@@ -30,9 +30,10 @@ from uniart_jax.stages.checks import (
     ensure_records,
     networks_to_copy,
     overlapping,
+    tell_from_scratch,
 )
 from uniart_jax.stages.table import STAGES
-from uniart_jax.stages.train_network import goes_on, train_network
+from uniart_jax.stages.train_network import train_network
 from uniart_jax.training import distributed
 
 RUNTIME = ("kernel", "compute_dtype", "scan_blocks", "remat")  # how a model is run, not what it is
@@ -114,7 +115,8 @@ def run(
 
     Args:
       init: a checkpoint (``Checkpoint.find``) to go on from, see ``Checkpoint.copyable``;
-        default: the config's own. A stage that has a checkpoint of its own resumes from that.
+        default: the config's own. A stage that has a checkpoint of its own resumes from that; one
+        whose network ``init`` lacks begins from scratch.
       batches: of one stage, in place of its own (``Trainer.fit``).
 
     Raises:
@@ -145,14 +147,15 @@ def run(
     copied: list[str] = []
     check_freeze(config, chosen)
     if source is not None:  # before anything is written
-        for name in names:
-            if goes_on(source, name):
-                source.load(name, config.model, widen=True)
+        for name in filter(source.has, names):
+            source.load(name, config.model, widen=True)
         copied = networks_to_copy(config, source, names, exported)
     for stage in chosen:
         resumed = (workdir / "checkpoints" / stage.name).is_dir() or exported.has(stage.name)
-        if not resumed and (source is None or not goes_on(source, stage.name)):
+        if not resumed and (source is None or not source.has(stage.name)):
             stage.check_first_weights(config)
+            if source is not None:
+                tell_from_scratch(source, stage.name)
     check_found(config, chosen, exported, copied)
     with exclusive_lock(workdir) if distributed.is_first() else contextlib.nullcontext():
         distributed.on_first_process(lambda: check_workdir(config, workdir))
