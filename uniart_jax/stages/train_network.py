@@ -94,13 +94,6 @@ def train_network(
         if distributed.is_first():
             console.print(f"{name}: already trained ({settings.steps} steps); skipped")
         return
-    items = settings.batch_size // settings.accumulate
-    if items % mesh.size and jax.process_count() == 1:  # of several, sending the batch is an error
-        console.print(
-            f"{name}: {items} items at once do not divide over {mesh.size} devices, so each "
-            "computes all of them; give a batch_size that does",
-            style="yellow",
-        )
     statistics = stage.statistics(config, workdir, source)
     key = jax.random.fold_in(jax.random.key(config.seed), list(STAGES).index(name))
     optimizer = make_optimizer(settings)

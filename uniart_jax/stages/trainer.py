@@ -23,6 +23,7 @@ from uniart_jax.pipeline import load as load_pipeline
 from uniart_jax.runtime.files import check_local
 from uniart_jax.runtime.locks import exclusive_lock
 from uniart_jax.stages.checks import (
+    check_devices,
     check_features,
     check_found,
     check_freeze,
@@ -121,8 +122,8 @@ def run(
 
     Raises:
       ValueError: WORKDIR belongs to another model or another process works in it, a setting is out
-        of range, a flow's checkpoint to other inputs, ``init`` does not fit the config, or a
-        stage's ``freeze`` its network.
+        of range or does not fit the devices, a flow's checkpoint to other inputs, ``init`` does not
+        fit the config, or a stage's ``freeze`` its network.
       FileNotFoundError: records, an earlier stage's weights or published ones are missing.
       FloatingPointError: loss or gradients are not finite (``StageConfig.skip_not_finite``).
     """
@@ -135,6 +136,7 @@ def run(
             "config: data.records is empty; give the folder of 'uniart prepare … --out FOLDER'"
         )
     check_settings(config, chosen)
+    check_devices(config, chosen if batches is None else ())
     check_features(config, chosen)
     if overlapping(config.data) and distributed.is_first():
         warnings.warn(
@@ -192,8 +194,12 @@ def trainable(config: Config, names: Sequence[str]) -> list[str]:
 
 
 def check_workdir(config: Config, workdir: Path) -> None:
-    """Make WORKDIR this config's, or check that it is: one folder holds one model."""
-    if (workdir / "config.json").is_file():
+    """Make WORKDIR this config's, or check that it is: one folder holds one model, as soon as
+    something of it has been trained or copied."""
+    exported = Checkpoint.of_workdir(workdir)
+    saved = [p for p in workdir.glob("checkpoints/*/*") if p.name.isdigit()]
+    begun = bool(saved) or any(exported.folder.glob("*.safetensors"))
+    if begun and (workdir / "config.json").is_file():
         found = Checkpoint(workdir).config
         runtime = {name: getattr(config.model, name) for name in RUNTIME}
         other = dataclasses.replace(found.model, **runtime)
@@ -206,6 +212,5 @@ def check_workdir(config: Config, workdir: Path) -> None:
             )
     workdir.mkdir(parents=True, exist_ok=True)
     write_config(workdir, config)
-    exported = Checkpoint.of_workdir(workdir)
-    untrained = exported.untrained()
+    untrained = exported.untrained() if begun else ()
     write_config(exported.folder, dataclasses.replace(config, untrained=untrained))
