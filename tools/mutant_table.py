@@ -458,6 +458,12 @@ MUTANTS = (
         "begun = True or any(",
         f"{BEFORE}::test_a_workdir_in_which_nothing_was_trained_may_hold_another_model",
     ),
+    Mutant(
+        "uniart_jax/pipeline.py",
+        '**both | _known("structure", structure, alone["structure"])',
+        '**_known("structure", structure, alone["structure"]) | both',
+        "tests/test_pipeline_options.py::test_a_flow_has_options_of_its_own_before_those_of_both",
+    ),
     Mutant("uniart_jax/training/step.py", "minimum(ema_decay,", "minimum(0.9,", DECAY),
     Mutant("uniart_jax/config/training.py", "= 0.9995", "= 0.9", DECAY),
     Mutant(
