@@ -93,13 +93,11 @@ def train(arguments: list[str], prog: str = "train.py") -> None:
         with contextlib.suppress(SystemExit):
             tyro.cli(TrainArguments, args=["--help"], prog=prog)
     config = tyro.cli(Config, default=default, args=rest, prog=f"{prog} --config {known.config}")
-    from uniart_jax.runtime.compilation_cache import enable_compilation_cache, quick_compile
+    from uniart_jax.runtime.compilation_cache import keep_programs
     from uniart_jax.stages import Trainer
     from uniart_jax.training import distributed
 
-    enable_compilation_cache()
-    if config.quick_compile:
-        quick_compile()
+    keep_programs(config.quick_compile)
     stages = STAGES if known.stage == "all" else (known.stage,)
     by_hand = (known.coordinator, known.processes, known.process)
     if known.distributed or any(value is not None for value in by_hand):
