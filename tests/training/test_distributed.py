@@ -330,6 +330,7 @@ def test_every_stage_on_every_split_of_the_devices(base, devices, fsdp):
     ((code, text),) = finished(program)
     assert code == 0, text
     for name in tiny_run.STAGES:
+        assert (f"{name}: fsdp {fsdp}: " in text) == (fsdp > 1)
         check(base / "base" / f"{name}.npz", base / run / f"{name}.npz")
         if fsdp == 1:
             check_sums_alone(base / run, name, devices)

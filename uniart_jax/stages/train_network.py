@@ -26,7 +26,7 @@ from uniart_jax.training.checkpoints import Checkpoints
 from uniart_jax.training.loop import run_stage
 from uniart_jax.training.microbatches import in_parts
 from uniart_jax.training.programs import Programs
-from uniart_jax.training.sharding import make_mesh, put_batch, replicated
+from uniart_jax.training.sharding import make_mesh, put_batch, replicated, split_words
 from uniart_jax.training.state import abstract_state, begin_with, create_state, make_optimizer
 from uniart_jax.training.step import make_train_step
 from uniart_jax.voxels.typed_batches import batch_of
@@ -99,13 +99,15 @@ def train_network(
     optimizer = make_optimizer(settings)
     step = make_step(stage, network, optimizer, config, workdir, mesh, statistics, source)
     if trained:  # nothing that the checkpoint would replace
-        start = abstract_state(network.init, optimizer, mesh)
+        start = abstract_state(network.init, optimizer, mesh, config.mesh.min_split)
     else:
-        start = create_state(network.init, optimizer, key, mesh)
+        start = create_state(network.init, optimizer, key, mesh, config.mesh.min_split)
         if source is not None and source.has(name):
             start = begin_with(start, source.load(name, config.model, widen=True))
         elif first := stage.first_weights(config):
             start = begin_with(start, first)
+    if distributed.is_first() and (split := split_words(mesh, start.params)):
+        console.print(f"{name}: {split}", highlight=False)
     iterator = (
         iter(stage_batches(stage, config, workdir)) if batches is None else counted(stage, batches)
     )
