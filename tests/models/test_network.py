@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from toy import MODEL, flow_arguments, init, voxel_batch
 
+from uniart_jax.config import STAGES
 from uniart_jax.models.network import TOLD, build, differences
 
 
@@ -69,3 +70,13 @@ def test_equal_configs_give_one_network_and_lists_in_them_are_no_error():
     wider = dataclasses.replace(vae, channels=[6, 10])
     other = build("structure_vae", dataclasses.replace(MODEL, structure_vae=wider))
     assert str(other) != str(build("structure_vae", MODEL))
+
+
+def test_what_cannot_be_chosen_is_told_with_the_choices():
+    with pytest.raises(ValueError, match=r"model\.compute_dtype is 'bf16'; .* float32, bfloat16$"):
+        dataclasses.replace(MODEL, compute_dtype="bf16")
+    with pytest.raises(ValueError, match=r"model\.kernel is 'flash'; .* xla, .* plain$"):
+        dataclasses.replace(MODEL, kernel="flash")
+    every = ", ".join([*STAGES, "gaussian_decoder"])
+    with pytest.raises(ValueError, match=f"network 'x' is unknown; choose one of {every}$"):
+        build("x", MODEL)

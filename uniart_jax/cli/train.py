@@ -9,7 +9,7 @@ import signal
 from collections.abc import Iterator, Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_type_hints
 
 import tyro
 
@@ -77,6 +77,30 @@ def settings(config: Config, stages: Sequence[str], init: str | Path | None) -> 
     return named
 
 
+def check_fields(words: Sequence[str]) -> None:
+    """Whether each option of ``words`` is a field of the config, by its dotted name.
+
+    Raises:
+      ValueError: one is not; what there is at its place is listed.
+    """
+    for word in words:
+        if not word.startswith("--") or word == "--help":
+            continue
+        at, path = Config, ""
+        for name in word[2:].partition("=")[0].replace("-", "_").split("."):
+            hints = get_type_hints(at) if dataclasses.is_dataclass(at) else {}
+            known = name if name in hints else name.removeprefix("no_")
+            if hints.get(known) is None or (known != name and hints[known] is not bool):
+                options = (
+                    [] if path else [field.name for field in dataclasses.fields(TrainArguments)]
+                )
+                raise ValueError(
+                    f"{word.partition('=')[0]}: {path or 'the command'} has no '{name}'; it has "
+                    f"{', '.join(dict.fromkeys((*options, *hints))) or 'no fields'}"
+                )
+            at, path = hints[known], f"{path}.{name}" if path else name
+
+
 def train(arguments: list[str], prog: str = "train.py") -> None:
     """Parse ``--config`` and friends, then any field of the config by its dotted name, and train.
 
@@ -88,6 +112,7 @@ def train(arguments: list[str], prog: str = "train.py") -> None:
     known, rest = tyro.cli(TrainArguments, args=first, return_unknown_args=True, prog=prog)
     rest += ["--help"] if fields else []
     default = load_config(known.config)
+    check_fields(rest)
     readable(Config)
     if fields:
         with contextlib.suppress(SystemExit):

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, get_args
 
+ComputeDtype = Literal["float32", "bfloat16"]
 Kernel = Literal["auto", "xla", "cudnn", "triton", "splash", "plain"]
 NETWORKS = ("image_encoder", "structure_vae", "uniart_vae", "structure_flow", "latent_flow")
 STAGES = (*NETWORKS, "layout", "mask")  # the last two where a model has them
@@ -267,9 +268,15 @@ class ModelConfig:
     latent_flow: FlowConfig = FlowConfig(patch_size=2, io_channels=(128,))
     gaussians: GaussianConfig = GaussianConfig()
     kernel: Kernel = "auto"
-    compute_dtype: Literal["float32", "bfloat16"] = "float32"
+    compute_dtype: ComputeDtype = "float32"
     scan_blocks: bool = False
     remat: bool = False
+
+    def __post_init__(self) -> None:
+        for name, choices in (("compute_dtype", ComputeDtype), ("kernel", Kernel)):
+            if (value := getattr(self, name)) not in get_args(choices):
+                listed = ", ".join(get_args(choices))
+                raise ValueError(f"config: model.{name} is {value!r}; choose one of {listed}")
 
     def networks(self) -> list[str]:
         """Those of ``STAGES`` that it has."""

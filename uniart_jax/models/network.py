@@ -129,7 +129,8 @@ def build(name: str, config: ModelConfig) -> Network:
 def _built(name: str, config: ModelConfig) -> Network:
     modules = {**MODULES, "image_encoder": IMAGE_ENCODERS[config.image_encoder.architecture]}
     if name not in modules:
-        raise ValueError(f"network {name!r} is unknown; choose one of {', '.join(STAGES)}")
+        known = ", ".join(dict.fromkeys((*STAGES, *modules)))
+        raise ValueError(f"network {name!r} is unknown; choose one of {known}")
     file, kind = modules[name].split(":")
     module = getattr(importlib.import_module(f"uniart_jax.models.{file}"), kind)
     return Network(name, config, lambda rngs: module(config, rngs))
