@@ -161,8 +161,19 @@ def test_a_flow_that_is_new_takes_the_records_statistics(tmp_path):
 
 
 def test_every_image_encoder_has_a_network_and_a_kind():
-    declared = typing.get_args(typing.get_type_hints(names.ImageEncoderConfig)["architecture"])
-    assert set(declared) == set(names.IMAGE_ENCODERS) == set(IMAGE_ENCODERS)
+    assert set(names.IMAGE_ENCODERS) == set(IMAGE_ENCODERS)
+    for name in IMAGE_ENCODERS:
+        assert names.ImageEncoderConfig(architecture=name).kind is names.IMAGE_ENCODERS[name]
+
+
+def test_a_stage_without_settings_of_its_name_is_told():
+    class Another(type(STAGES["structure_vae"])):
+        name = "another"
+
+    with pytest.raises(ValueError, match="stage another: the config has no StageConfig of this"):
+        Another().settings(names.Config())
+    with pytest.raises(ValueError, match="the config has no StageConfig"):
+        type("Data", (Another,), {"name": "data"})().settings(names.Config())
 
 
 def test_counted_batches_go_back_and_forth():

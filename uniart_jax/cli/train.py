@@ -9,7 +9,7 @@ import signal
 from collections.abc import Iterator, Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Literal, get_type_hints
+from typing import TYPE_CHECKING, Any, Literal, get_type_hints
 
 import tyro
 
@@ -17,16 +17,10 @@ import uniart_jax
 from uniart_jax.cli.help_texts import readable
 from uniart_jax.config import STAGES, Config, load_config, to_json
 
-Stage = Literal[
-    "all",
-    "image_encoder",
-    "structure_vae",
-    "uniart_vae",
-    "structure_flow",
-    "latent_flow",
-    "layout",
-    "mask",
-]
+if TYPE_CHECKING:
+    Stage = str
+else:
+    Stage = Literal[("all", *STAGES)]
 
 
 @dataclasses.dataclass

@@ -53,7 +53,7 @@ class ImageEncoderConfig:
     num_blocks, num_heads and mlp_ratio.
     """
 
-    architecture: Literal["volume", "dinov2"] = "volume"
+    architecture: str = "volume"  # a key of ``IMAGE_ENCODERS``
     patch_size: int = 14  # 'dinov2'
     registers: int = 4  # 'dinov2'
     # side of the crop over the object's longer side (TRELLIS: 1.2); records hold crops of 1.1
@@ -75,6 +75,13 @@ class ImageEncoderConfig:
     target_resolution: int = 16  # a side, of the regressed boxes and joints
     sketch_width: int = 384  # of the MLP from the whole coarse map to the camera and a first volume
     mlp_ratio: float = 4.0
+
+    def __post_init__(self) -> None:
+        if self.architecture not in IMAGE_ENCODERS:
+            raise ValueError(
+                f"config: model.image_encoder.architecture is {self.architecture!r}; choose one of "
+                f"{', '.join(IMAGE_ENCODERS)}, or add its kind to config.IMAGE_ENCODERS"
+            )
 
     @property
     def kind(self) -> ImageEncoderKind:
