@@ -6,12 +6,16 @@ import re
 from pathlib import Path
 
 import jax
+import numpy as np
 import pytest
 
 from uniart_jax import __version__
 from uniart_jax.cli import load_config
 from uniart_jax.config import NETWORKS
 from uniart_jax.models.checkpoint import Checkpoint
+from uniart_jax.models.network import build
+from uniart_jax.stages import STAGES
+from uniart_jax.voxels.typed_batches import PictureBatch
 
 ROOT = Path(__file__).parent.parent
 
@@ -88,6 +92,25 @@ def test_the_research_example(monkeypatch):
     names: dict = {}
     exec(code, names)
     assert names["velocity"].shape == names["x"].shape
+
+
+def test_the_loss_of_ones_own_of_the_tutorial(monkeypatch, tmp_path):
+    section = (ROOT / "docs" / "tutorial.md").read_text().split("## 9. A loss of your own")[1]
+    (code,) = re.findall(r"```python\n(.*?)```", section, re.DOTALL)
+    stage, training = code.split("config = ua.config(", 1)
+    for name, value in STAGES.items():
+        monkeypatch.setitem(STAGES, name, value)  # and put back
+    names: dict = {}
+    exec(stage, names)
+    config = load_config("debug")
+    assert type(STAGES["structure_vae"]) is names["Focal"] and len(STAGES) == 7
+    network = build("structure_vae", config.model)
+    loss = STAGES["structure_vae"].loss(network, config, tmp_path, {})
+    batch = PictureBatch(occupancy=np.zeros((2, *(config.model.grid.resolution,) * 3), bool))
+    step = jax.value_and_grad(loss, has_aux=True)
+    (value, logged), _ = jax.eval_shape(step, network.abstract(), batch, jax.random.key(0))
+    assert value.shape == () and set(logged) == {"focal", "kl"}
+    assert training.rstrip().endswith('"runs/focal").fit("structure_vae")')
 
 
 @pytest.mark.parametrize(

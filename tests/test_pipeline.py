@@ -1,7 +1,6 @@
 """The pipeline's steps with random weights at debug size: batching, padding, views, files."""
 
 import dataclasses
-import inspect
 from pathlib import Path
 
 import jax
@@ -33,7 +32,7 @@ from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.checkpoint_files import write_config, write_network, write_statistics
 from uniart_jax.models.network import build
 from uniart_jax.objects.kinematics import Joint
-from uniart_jax.pipeline import Pipeline, SamplingOptions, load
+from uniart_jax.pipeline import Pipeline, load
 from uniart_jax.voxels.layout import Layout
 from uniart_jax.voxels.typed_batches import Condition
 
@@ -172,27 +171,6 @@ def test_every_view_is_looked_at(pipeline, monkeypatch):
     assert len(means) == 3 and (np.diff(means) > 0.1).all()
     with pytest.raises(ValueError, match="no image; give one"):
         pipeline.sample([])
-
-
-@pytest.mark.parametrize(
-    ("changes", "says"),
-    [
-        ({"solver": "Heun"}, "solver must be euler or heun"),
-        ({"solvr": "heun"}, "no option 'solvr'; there are solver, adaptive"),
-        ({"guidance": float("nan")}, "guidance must be"),
-        ({"steps": 0}, "at least 1 step"),
-        ({"tolerance": 5.0}, "tolerance must be in"),
-    ],
-)
-def test_options_that_cannot_be_are_told(pipeline, changes, says):
-    with pytest.raises(ValueError, match=says):
-        pipeline.options(**changes)
-
-
-def test_sampling_has_every_option_of_the_config_by_name():
-    fields = {field.name for field in dataclasses.fields(SampleConfig)}
-    assert set(SamplingOptions.__annotations__) == fields
-    assert fields <= set(inspect.signature(Pipeline.sample).parameters)
 
 
 def test_views_side_by_side():

@@ -49,6 +49,7 @@ FRONTS, MASKS = "uniart_jax/voxels/cleanup/fronts.py", "uniart_jax/inference/mas
 IS_DRUM = "tests/voxels/cleanup/test_drums.py::test_what_is_no_drum_is_left"
 BEHIND_DOOR = "tests/voxels/cleanup/test_drums.py::test_the_plate_lies_behind_the_closed_door"
 ROUND = "tests/voxels/cleanup/test_drums.py::test_a_torn_drum_and_its_hole_are_round"
+BEFORE = "tests/stages/test_before_training.py"
 POOL_LOSSES = "tools/pool_losses.py"
 MUTANTS = (
     Mutant(DRUMS, "return FULL * drum", "return NARROW * drum", BEHIND_DOOR),
@@ -438,6 +439,30 @@ MUTANTS = (
         'while self._read < state["read"]',
         "while False",
         "tests/stages/test_trainer.py::test_batches_of_ones_own_need_no_records_and_resume",
+    ),
+    Mutant(
+        "uniart_jax/stages/train_network.py",
+        "if source is not None and source.has(name):",
+        "if source is not None:",
+        "tests/stages/test_trainer.py::test_a_network_that_the_checkpoint_lacks_begins_from_scratch",
+    ),
+    Mutant(
+        "uniart_jax/stages/trainer.py",
+        "check_devices(config, chosen if batches is None else ())",
+        "pass",
+        f"{BEFORE}::test_devices_that_do_not_fit_are_told_before_data_is_made",
+    ),
+    Mutant(
+        "uniart_jax/stages/trainer.py",
+        "begun = bool(saved) or any(",
+        "begun = True or any(",
+        f"{BEFORE}::test_a_workdir_in_which_nothing_was_trained_may_hold_another_model",
+    ),
+    Mutant(
+        "uniart_jax/pipeline.py",
+        '**both | _known("structure", structure, alone["structure"])',
+        '**_known("structure", structure, alone["structure"]) | both',
+        "tests/test_pipeline_options.py::test_a_flow_has_options_of_its_own_before_those_of_both",
     ),
     Mutant("uniart_jax/training/step.py", "minimum(ema_decay,", "minimum(0.9,", DECAY),
     Mutant("uniart_jax/config/training.py", "= 0.9995", "= 0.9", DECAY),

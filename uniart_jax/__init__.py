@@ -21,6 +21,7 @@ _PUBLIC = {
     "Pipeline": "uniart_jax.pipeline",
     "load": "uniart_jax.pipeline",
     "Trainer": "uniart_jax.stages",
+    "keep_programs": "uniart_jax.runtime.compilation_cache",
 }
 __all__ = ["__version__", "config", *_PUBLIC]
 

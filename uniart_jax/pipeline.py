@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, TypedDict, Unpack
 
@@ -53,7 +53,7 @@ from uniart_jax.voxels.usual_boards import with_usual_boards
 
 class SamplingOptions(TypedDict, total=False):
     """Fields of ``config.SampleConfig`` to sample with; None, or absent: as the checkpoint has
-    them."""
+    them. ``structure``, ``latent``: of one flow alone, by name, before those of both."""
 
     steps: int | None
     guidance: float | None
@@ -63,6 +63,8 @@ class SamplingOptions(TypedDict, total=False):
     adaptive: bool | None
     tolerance: float | None
     mirrored: bool | None
+    structure: Mapping[str, Any] | None
+    latent: Mapping[str, Any] | None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -153,6 +155,8 @@ class Pipeline(Networks):
         adaptive: bool | None = None,
         tolerance: float | None = None,
         mirrored: bool | None = None,
+        structure: Mapping[str, Any] | None = None,
+        latent: Mapping[str, Any] | None = None,
     ) -> Sample:
         """One image (or several views of one object) to an object.
 
@@ -169,10 +173,14 @@ class Pipeline(Networks):
           progress: called with the name of each step.
           steps, guidance, guidance_interval, rescale_t, solver, adaptive, tolerance, mirrored: of
             both flows (``config.SampleConfig``); None = as the checkpoint has them.
+          structure, latent: the same of one flow alone, as ``{"steps": 3}``, which come before
+            those of both; also what that flow alone has (``config.StructureSampleConfig``,
+            ``LatentSampleConfig``).
 
         Raises:
           FileNotFoundError, ValueError: an image cannot be used, no object was found in it,
-            ``background`` is no way to cut it out, or the checkpoint is not trained so far.
+            ``background`` is no way to cut it out, an option is unknown or cannot be, or the
+            checkpoint is not trained so far.
         """
         if untrained := self.config.untrained:
             more = "" if len(untrained) <= 3 else f" and {len(untrained) - 3} more"
@@ -210,6 +218,8 @@ class Pipeline(Networks):
             adaptive=adaptive,
             tolerance=tolerance,
             mirrored=mirrored,
+            structure=structure,
+            latent=latent,
         )
         if not alone:
             progress("looking at the image")
@@ -220,14 +230,14 @@ class Pipeline(Networks):
         conditions = encode_views(self, pixels, found, structure_options, latent_options)
         keys = jax.random.split(jax.random.key(seed))
         progress("structure")
-        coords, structure = find_voxels(self, conditions, keys[0], structure_options)
+        coords, occupied = find_voxels(self, conditions, keys[0], structure_options)
         if len(coords) == 0:
             why = "made no object of the layout" if alone else "found no object in the image"
             raise ValueError(f"{name}: the model {why}{'' if alone else '; crop to the object'}")
         progress(f"{len(coords)} voxels")
         grid, solution = find_grid(self, coords, conditions, keys[1], latent_options, found)
         progress("parts and joints")
-        flows = {"structure": structure, "latent": solution}
+        flows = {"structure": occupied, "latent": solution}
         if found is None:
             obj = assemble(grid, name=name, tolerance=NETWORK_TOLERANCE)
         else:
@@ -304,19 +314,22 @@ class Pipeline(Networks):
     def options(
         self, **changes: Unpack[SamplingOptions]
     ) -> tuple[StructureSampleConfig, LatentSampleConfig]:
-        """The checkpoint's sampling options, changed where asked (``SampleConfig``'s fields); None
-        = as they are.
+        """The checkpoint's sampling options, changed where asked: of both flows, and of one alone
+        (``SamplingOptions``); None = as they are.
 
         Raises:
-          ValueError: no option of both flows, or a value that cannot be.
+          ValueError: no option of both flows, or of the one that is named, or a value that cannot
+            be.
         """
-        known = [field.name for field in dataclasses.fields(SampleConfig)]
-        if unknown := [name for name in changes if name not in known]:
-            raise ValueError(f"sampling has no option '{unknown[0]}'; there are {', '.join(known)}")
-        asked = {name: value for name, value in changes.items() if value is not None}
-        replace = dataclasses.replace
+        alone = {"structure": changes.pop("structure", None), "latent": changes.pop("latent", None)}
         structure, latent = self.config.sample_structure, self.config.sample_latent
-        return replace(structure, **asked), replace(latent, **asked)
+        both = _known("sampling", SampleConfig, changes)
+        return (
+            dataclasses.replace(
+                structure, **both | _known("structure", structure, alone["structure"])
+            ),
+            dataclasses.replace(latent, **both | _known("latent", latent, alone["latent"])),
+        )
 
     def prepare(self, image: str | Path | np.ndarray) -> np.ndarray:
         """[S, S, 3] float32 in [0, 1]: read, foreground, square crop, on black."""
@@ -360,6 +373,18 @@ def load(checkpoint: str | Path = "nano") -> Pipeline:
             "that write them, or convert them too"
         )
     return Pipeline.of(found)
+
+
+def _known(what: str, options: Any, changes: Any) -> dict[str, Any]:
+    """Those of ``changes`` that are not None, which fields of ``options`` are; a ValueError names
+    one that is none."""
+    if not isinstance(changes or {}, Mapping):
+        raise ValueError(f"{what}: give its options by name, as {{'steps': 3}}, got {changes!r}")
+    known = [field.name for field in dataclasses.fields(options)]
+    given = dict(changes or {})
+    if unknown := [name for name in given if name not in known]:
+        raise ValueError(f"{what} has no option '{unknown[0]}'; there are {', '.join(known)}")
+    return {name: value for name, value in given.items() if value is not None}
 
 
 def _sized(obj: ArticulatedObject, kind: Kind, side: float | None) -> ArticulatedObject:

@@ -54,6 +54,26 @@ def test_the_package_is_the_program(uniart):
     assert uniart("--version", program=package) == (0, f"uniart_jax {__version__}\n", "")
 
 
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        (("evaluate", "a", "b", "--out", "gs://b/x"), "--out 'gs://b/x'"),
+        (("layout", "a.png", "--out=gs://b/x"), "--out 'gs://b/x'"),
+        (("train", "--config", "debug", "--workdir", "gs://b/x"), "--workdir 'gs://b/x'"),
+        (("train", "--config", "debug", "--init", "gs://b/x"), "checkpoint 'gs://b/x'"),
+        (("train", "--config", "debug", "--data.records", "gs://b/x"), "data.records 'gs://b/x'"),
+        (("train", "--config", "debug", "--data.layouts", "gs://b/x"), "data.layouts 'gs://b/x'"),
+    ],
+)
+def test_a_bucket_is_refused_before_a_folder_of_its_name_is_made(
+    uniart, monkeypatch, tmp_path, words, named
+):
+    monkeypatch.chdir(tmp_path)
+    code, _, told = uniart(*words)
+    assert code == 2 and told.startswith(f"error: {named}: ") and "mount the bucket" in told
+    assert not list(tmp_path.iterdir())
+
+
 def test_training_is_a_command_like_others(uniart):
     code, said, _ = uniart("--help")
     assert code == 0 and "• train " in said and "-q" in said and "--version" in said

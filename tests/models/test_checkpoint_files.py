@@ -121,6 +121,10 @@ def test_configs_come_back_and_bad_ones_are_told(tmp_path):
     path.write_text(path.read_text().replace('"resolution"', '"resolutoin"'))
     with pytest.raises(ValueError, match=r"config\.json: .*model\.grid\.resolutoin"):
         _ = Checkpoint.find(tmp_path).config
+    text = path.read_text().replace('"auto"', '"atuo"')
+    path.write_text(text)
+    with pytest.raises(ValueError, match=r"model\.grid\.resolutoin, model\.kernel='atuo'"):
+        _ = Checkpoint.find(tmp_path).config
     path.write_text("{")
     with pytest.raises(ValueError, match=r"config\.json: config: not valid JSON"):
         _ = Checkpoint.find(tmp_path).config

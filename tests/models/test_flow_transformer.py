@@ -40,6 +40,21 @@ def test_structure_flow_draws_share_their_image():
     assert np.abs(other - shared)[:3].max() > 1e-3 and not np.abs(other - shared)[3:].any()
 
 
+def test_a_time_may_be_one_of_all_items():
+    tokens, volume, _ = flow_arguments()
+    x = np.random.default_rng(1).normal(size=(2, 2, 2, 2, 3)).astype(np.float32)
+    network = build("structure_flow", MODEL)
+    apply, params = jax.jit(network.apply), init(network)
+    each = apply(params, x, np.full(2, 0.3, np.float32), tokens, volume)
+    np.testing.assert_array_equal(apply(params, x, 0.3, tokens, volume), each)
+    model = one_block(stem="patch")
+    batch, network = voxel_batch(model), build("latent_flow", model)
+    apply, params = jax.jit(network.apply), init(network)
+    given = flow_voxels(model, batch)
+    each = apply(params, batch.latent, np.full(2, 0.3, np.float32), tokens, volume, **given)
+    np.testing.assert_array_equal(apply(params, batch.latent, 0.3, tokens, volume, **given), each)
+
+
 def test_flow_that_needs_a_volume_says_so():
     network = build("structure_flow", MODEL)
     tokens, _, t = flow_arguments()

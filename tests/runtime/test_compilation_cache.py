@@ -8,11 +8,14 @@ from importlib import metadata
 import jax
 import pytest
 
+import uniart_jax
 from uniart_jax.cli.train import train
 from uniart_jax.config import load_config
-from uniart_jax.runtime import compilation_cache
+from uniart_jax.runtime import compilation_cache, program_cache
 from uniart_jax.runtime.compilation_cache import QUICK_XLA, TRIED_JAXLIB, quick_compile
 from uniart_jax.stages import Trainer
+
+CACHE = ("jax_compilation_cache_dir", "jax_persistent_cache_min_compile_time_secs")
 
 
 @pytest.fixture
@@ -61,6 +64,25 @@ print(float(jnp.tanh(jnp.arange(6.0)).reshape(2, 3).sum()))
 def test_only_the_config_that_runs_for_a_moment_compiles_quickly():
     quick = {name: load_config(name).quick_compile for name in ("debug", "nano", "small", "paper")}
     assert quick == {"debug": True, "nano": False, "small": False, "paper": False}
+
+
+def test_programs_and_notebooks_keep_programs_as_command_lines_do(settings, tmp_path):
+    before = {name: getattr(jax.config, name) for name in CACHE}
+    folder = program_cache._folder
+    settings.setenv("XDG_CACHE_HOME", str(tmp_path))
+    try:
+        jax.config.update("jax_compilation_cache_dir", None)
+        uniart_jax.keep_programs()
+        assert not jax.config.read("jax_disable_most_optimizations")
+        kept = tmp_path / "uniart_jax"
+        assert jax.config.jax_compilation_cache_dir == str(kept / "xla")
+        assert program_cache._folder == kept / "programs"
+        uniart_jax.keep_programs(quick=True)
+        assert jax.config.read("jax_disable_most_optimizations")
+    finally:
+        program_cache.keep_programs(folder)
+        for name, value in before.items():
+            jax.config.update(name, value)
 
 
 @pytest.mark.parametrize("asked", ["quick-compile", "no-quick-compile"])

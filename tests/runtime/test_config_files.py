@@ -9,7 +9,7 @@ import pytest
 
 import uniart_jax as ua
 from uniart_jax.cli import exit_on_error, load_config
-from uniart_jax.cli.train import train
+from uniart_jax.cli.train import check_fields, train
 from uniart_jax.experiments.design import find_experiment, load_experiment
 from uniart_jax.runtime import config_files
 
@@ -54,6 +54,23 @@ def test_training_takes_a_name(tmp_path, monkeypatch, capsys):
     assert stopped.value.code == 0 and "(default: nano)" in said and "--latent-flow.steps" in said
     assert exit_on_error(lambda: train(["--config", "absent"])) == 2
     assert "a name of these: debug, nano" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("option", "said"),
+    [
+        ("--structure_vae.lr", "structure_vae has no 'lr'; it has steps, batch_size, "),
+        ("--structure-vea.steps=3", "the command has no 'structure_vea'; .* structure_vae, .*seed"),
+        ("--workdri", "the command has no 'workdri'; it has config, stage, workdir, "),
+        ("--data.no-records", "data has no 'no_records'"),
+        ("--seed.x", "seed has no 'x'; it has no fields"),
+    ],
+)
+def test_a_field_that_there_is_not_is_one_line(option, said):
+    with pytest.raises(ValueError, match=f"^{option.partition('=')[0]}: {said}"):
+        train(["--config", "debug", option, "3"])
+    fields = ("--latent-flow.batch_size", "8", "--no-quick-compile", "--data.no-mirror", "--seed=3")
+    check_fields(fields)
 
 
 def test_experiments_from_any_folder(tmp_path, monkeypatch):

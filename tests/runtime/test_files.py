@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -39,3 +40,12 @@ def test_containers_of_one_host_name_have_names_of_their_own(monkeypatch):
         places.append(files._place())
     assert places[0] != places[1]
     assert "." not in places[0] + places[1] and "-" not in places[0] + places[1]
+
+
+@pytest.mark.parametrize("make", [str, Path])
+def test_the_address_of_a_bucket_is_no_folder(make):
+    for address in ("gs://bucket/run", "s3://b", "https://host/x"):
+        with pytest.raises(ValueError, match=f"--out '{address}': .*mount the bucket .gcsfuse"):
+            files.check_local(make(address), "--out")
+    for folder in ("", "runs/a", "/mnt/gs/run", "C:/runs", "hf:org/name", "a b: c/d"):
+        files.check_local(make(folder), "--out")

@@ -1,6 +1,7 @@
 """What is refused before anything is trained or written."""
 
 import dataclasses
+import types
 from pathlib import Path
 
 import pytest
@@ -8,11 +9,12 @@ from toy_stages import DEBUG, toy
 
 from uniart_jax import stages
 from uniart_jax.cli import load_config
-from uniart_jax.config import NETWORKS
+from uniart_jax.config import NETWORKS, MeshConfig
 from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.runtime.locks import exclusive_lock
+from uniart_jax.stages import checks
 from uniart_jax.stages.checks import check_found
-from uniart_jax.stages.trainer import trainable
+from uniart_jax.stages.trainer import check_workdir, trainable
 
 ROOT = Path(__file__).parents[2]
 
@@ -30,6 +32,51 @@ def test_numbers_that_cannot_be_are_refused_before_any_work(tmp_path, field, val
     with pytest.raises(ValueError, match=r"data\.voxel_buckets is "):
         stages.run(dataclasses.replace(config, data=data), ["uniart_vae"], tmp_path / "w")
     assert not (tmp_path / "w").exists()
+
+
+def test_a_bucket_is_no_workdir(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for workdir in ("gs://bucket/run", Path("gs://bucket/run")):
+        with pytest.raises(ValueError, match=r"workdir 'gs://bucket/run': .* mount the bucket"):
+            stages.Trainer(toy(tmp_path), workdir).fit("structure_vae")
+    assert not (tmp_path / "gs:").exists()
+
+
+def test_devices_that_do_not_fit_are_told_before_data_is_made(tmp_path, monkeypatch, capsys):
+    config = toy(tmp_path)
+    uneven = dataclasses.replace(config, mesh=MeshConfig(data=-1, fsdp=7))
+    with pytest.raises(ValueError, match="mesh: data=-1 x fsdp=7 does not make"):
+        stages.run(uneven, ["structure_vae"], tmp_path / "w")
+    assert not list(tmp_path.iterdir())
+    chosen, mesh = [stages.STAGES["structure_vae"]], types.SimpleNamespace(size=8)
+    monkeypatch.setattr(checks, "make_mesh", lambda _: mesh)
+    batch = dataclasses.replace(config.structure_vae, batch_size=16, accumulate=4)
+    config = dataclasses.replace(config, structure_vae=batch)
+    checks.check_devices(config, chosen)
+    assert "structure_vae: 4 items at once do not divide over 8" in capsys.readouterr().err
+    monkeypatch.setattr(checks.jax, "process_count", lambda: 2)
+    with pytest.raises(ValueError, match=r"8 devices of 2 processes.* give a multiple of 32"):
+        checks.check_devices(config, chosen)
+    batch = dataclasses.replace(batch, batch_size=32)
+    checks.check_devices(dataclasses.replace(config, structure_vae=batch), chosen)
+    assert not capsys.readouterr().err
+
+
+@pytest.mark.parametrize("kept", ["checkpoints/layout/2", "export/layout.safetensors"])
+def test_a_workdir_in_which_nothing_was_trained_may_hold_another_model(tmp_path, kept):
+    config, workdir = toy(tmp_path), tmp_path / "w"
+    wider = dataclasses.replace(config.model.uniart_vae, width=2 * config.model.uniart_vae.width)
+    other = dataclasses.replace(config.model, uniart_vae=wider)
+    other = dataclasses.replace(config, model=other, untrained=("uniart_vae.front",))
+    check_workdir(other, workdir)
+    (workdir / "checkpoints/layout").mkdir(parents=True)
+    check_workdir(config, workdir)
+    assert Checkpoint(workdir).config == config
+    assert Checkpoint.of_workdir(workdir).config == config
+    (workdir / kept).mkdir(parents=True)
+    with pytest.raises(ValueError, match=r"another model \(different: model\.uniart_vae\)"):
+        check_workdir(other, workdir)
+    assert Checkpoint(workdir).config == config
 
 
 def test_a_workdir_is_one_process_s(tmp_path):

@@ -6,6 +6,7 @@ import sys
 import typing
 from pathlib import Path
 
+import jax
 import numpy as np
 import pytest
 from safetensors.numpy import load_file
@@ -13,8 +14,11 @@ from safetensors.numpy import load_file
 import uniart_jax
 from uniart_jax import config as names
 from uniart_jax.cli.train import Stage as TrainStage
-from uniart_jax.models.network import IMAGE_ENCODERS
+from uniart_jax.models.checkpoint import FLOW_INPUTS, Checkpoint
+from uniart_jax.models.checkpoint_files import write_config, write_network, write_statistics
+from uniart_jax.models.network import IMAGE_ENCODERS, build
 from uniart_jax.stages import STAGES, Stage, Trainer
+from uniart_jax.stages.flows import fixed_statistics
 from uniart_jax.stages.train_network import CountedBatches
 from uniart_jax.stages.trainer import trainable
 
@@ -99,10 +103,10 @@ def quickest(folder):
     )
 
 
-def trained(config, workdir, steps, batches):
+def trained(config, workdir, steps, batches, init=None):
     stage = dataclasses.replace(config.structure_vae, steps=steps, save_every=2)
     config = dataclasses.replace(config, structure_vae=stage)
-    trainer = Trainer(config, workdir).fit("structure_vae", batches)
+    trainer = Trainer(config, workdir, init).fit("structure_vae", batches)
     return load_file(trainer.workdir / "export" / "structure_vae.safetensors")
 
 
@@ -123,9 +127,53 @@ def test_batches_of_ones_own_need_no_records_and_resume(tmp_path):
         Trainer(config, tmp_path / "straight").pipeline()  # other networks are missing
 
 
+def test_a_network_that_the_checkpoint_lacks_begins_from_scratch(tmp_path, capsys):
+    config, source = quickest(tmp_path), tmp_path / "source"
+    encoder = build("image_encoder", config.model).init(jax.random.key(3))
+    write_network(source, "image_encoder", encoder)
+    write_config(source, config)
+    batches = list(occupancies(config, 1))
+    alone = trained(config, tmp_path / "alone", 1, batches)
+    capsys.readouterr()
+    beside = trained(config, tmp_path / "beside", 1, batches, source)
+    told = " ".join(capsys.readouterr().err.split())
+    assert f"structure_vae: not in {source}, so it begins from scratch" in told
+    for key, value in alone.items():
+        np.testing.assert_array_equal(beside[key], value)
+    taken = tmp_path / "beside" / "export" / "image_encoder.safetensors"
+    assert taken.read_bytes() == (source / taken.name).read_bytes()
+    write_config(tmp_path / "empty", config)
+    with pytest.raises(FileNotFoundError, match=r"empty: there is no network in it to go on from"):
+        trained(config, tmp_path / "none", 1, batches, tmp_path / "empty")
+    assert not (tmp_path / "none").exists()
+
+
+def test_a_flow_that_is_new_takes_the_records_statistics(tmp_path):
+    source = Checkpoint(tmp_path / "source")
+    source.folder.mkdir()
+    for name in FLOW_INPUTS:
+        (source.folder / f"{name}.safetensors").touch()
+    write_statistics(source.folder, "structure", np.full(4, 7.0), np.ones(4))
+    assert fixed_statistics(source, tmp_path / "w", "structure_flow") is None
+    (source.folder / "structure_flow.safetensors").touch()
+    mean, _ = fixed_statistics(source, tmp_path / "w", "structure_flow")
+    assert (mean == 7).all()
+
+
 def test_every_image_encoder_has_a_network_and_a_kind():
-    declared = typing.get_args(typing.get_type_hints(names.ImageEncoderConfig)["architecture"])
-    assert set(declared) == set(names.IMAGE_ENCODERS) == set(IMAGE_ENCODERS)
+    assert set(names.IMAGE_ENCODERS) == set(IMAGE_ENCODERS)
+    for name in IMAGE_ENCODERS:
+        assert names.ImageEncoderConfig(architecture=name).kind is names.IMAGE_ENCODERS[name]
+
+
+def test_a_stage_without_settings_of_its_name_is_told():
+    class Another(type(STAGES["structure_vae"])):
+        name = "another"
+
+    with pytest.raises(ValueError, match="stage another: the config has no StageConfig of this"):
+        Another().settings(names.Config())
+    with pytest.raises(ValueError, match="the config has no StageConfig"):
+        type("Data", (Another,), {"name": "data"})().settings(names.Config())
 
 
 def test_counted_batches_go_back_and_forth():

@@ -267,6 +267,8 @@ SLURM = {"SLURM_STEP_TASKS_PER_NODE": "1(x2)", "SLURM_NODEID": "1", "SLURM_LOCAL
         ({"SLURM_GPUS_ON_NODE": "8", "SLURM_STEP_TASKS_PER_NODE": "4,2", "SLURM_LOCALID": "1"}, [4, 5, 6, 7]),  # noqa: E501
         ({"SLURM_GPUS_ON_NODE": "8", "SLURM_STEP_TASKS_PER_NODE": "8(x2)", "SLURM_LOCALID": "3"}, [3]),  # noqa: E501
         ({"SLURM_STEP_TASKS_PER_NODE": "8(x2)", "SLURM_GPUS_PER_TASK": "1", "CUDA_VISIBLE_DEVICES": "5", "SLURM_LOCALID": "3"}, [0]),  # noqa: E501
+        ({"SLURM_STEP_TASKS_PER_NODE": "4(x2)", "CUDA_VISIBLE_DEVICES": "2,3", "SLURM_LOCALID": "1"}, [0, 1]),  # bound to its own  # noqa: E501
+        ({"SLURM_STEP_TASKS_PER_NODE": "4(x2)", "CUDA_VISIBLE_DEVICES": "0", "SLURM_LOCALID": "3"}, [0]),  # noqa: E501
         ({}, None),  # no GPUs
         ({"SLURM_GPUS_ON_NODE": "3", "SLURM_STEP_TASKS_PER_NODE": "2(x2)"}, None),
     ],
@@ -328,6 +330,7 @@ def test_every_stage_on_every_split_of_the_devices(base, devices, fsdp):
     ((code, text),) = finished(program)
     assert code == 0, text
     for name in tiny_run.STAGES:
+        assert (f"{name}: fsdp {fsdp}: " in text) == (fsdp > 1)
         check(base / "base" / f"{name}.npz", base / run / f"{name}.npz")
         if fsdp == 1:
             check_sums_alone(base / run, name, devices)

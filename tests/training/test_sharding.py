@@ -13,7 +13,7 @@ from jax.sharding import AbstractMesh, AxisType
 
 from uniart_jax.config import MeshConfig
 from uniart_jax.models.network import flat_names
-from uniart_jax.training.sharding import make_mesh, put_batch, state_sharding
+from uniart_jax.training.sharding import make_mesh, put_batch, split_words, state_sharding
 
 TOLERANCE = 1e-5
 
@@ -141,6 +141,21 @@ def test_state_is_split_over_its_largest_axis_that_divides():
     specs = {name: tuple(s.spec) for name, s in state_sharding(mesh, abstract, 64).items()}
     assert specs == {"wide": (None, "fsdp"), "tall": ("fsdp",), "odd": (), "bias": (), "scalar": ()}
     assert all(not s.spec for s in state_sharding(mesh, abstract).values())  # all are small
+
+
+def test_what_is_split_is_told():
+    mesh = AbstractMesh((2, 4), ("data", "fsdp"), axis_types=(AxisType.Auto,) * 2)
+    shapes = {"wide": (4000, 4000), "bias": (4, 500_000)}
+    abstract = {name: jax.ShapeDtypeStruct(shape, np.float32) for name, shape in shapes.items()}
+
+    def told(mesh, least):
+        places = state_sharding(mesh, abstract, least)
+        return split_words(mesh, jax.tree.map(lambda a, s: a.update(sharding=s), abstract, places))
+
+    assert told(mesh, MeshConfig().min_split) == "fsdp 4: 100 % of 18 M numbers split"
+    assert told(mesh, 3_000_000) == "fsdp 4: 89 % of 18 M numbers split"
+    one = AbstractMesh((8, 1), ("data", "fsdp"), axis_types=(AxisType.Auto,) * 2)
+    assert told(one, 1) == ""
 
 
 def test_mesh_sizes():

@@ -23,7 +23,7 @@ HERE = Path(__file__).resolve()
 sys.path[:0] = [str(HERE.parents[2]), str(HERE.parents[1] / "data")]
 
 STAGES = ("image_encoder", "structure_vae", "uniart_vae", "structure_flow", "latent_flow")
-MIN_SHARDED_SIZE = 64  # of these networks' arrays: most are split
+MIN_SPLIT = 64  # of these networks' arrays: most are split
 
 
 def make_records(folder: Path) -> None:
@@ -96,7 +96,7 @@ def make_config(folder: Path, steps: int = 5, **mesh):
         ),
         data=c.DataConfig(records=str(folder / "records"), voxel_buckets=(64, 128)),
         loss=c.LossConfig(voxels_per_object=16),
-        mesh=c.MeshConfig(**mesh),
+        mesh=c.MeshConfig(min_split=MIN_SPLIT, **mesh),
         **dict.fromkeys(STAGES, stage),
         sample_structure=c.StructureSampleConfig(steps=1),
         sample_latent=c.LatentSampleConfig(steps=1),
@@ -119,9 +119,8 @@ def train(config, name: str, folder: Path, run: str, latents: bool) -> None:
 
     from uniart_jax.models.network import flat_names
     from uniart_jax.stages import table, train_network, trainer
-    from uniart_jax.training import distributed, sharding
+    from uniart_jax.training import distributed
 
-    sharding.MIN_SHARDED_SIZE = MIN_SHARDED_SIZE
     workdir = folder / run / name
     if table.STAGES[name].latent:
         # the first process looks: a later one would find what it has begun

@@ -148,7 +148,11 @@ def train(workdir, stage, batches, *, fsdp=1, width=16, **options):
         return run_stage(
             "toy",
             state=create_state(
-                functools.partial(init, width=width), optimizer, jax.random.key(0), mesh
+                functools.partial(init, width=width),
+                optimizer,
+                jax.random.key(0),
+                mesh,
+                min_split=1,
             ),
             train_step=train_step,
             batches=batches,
@@ -182,7 +186,6 @@ def main() -> None:
     from uniart_jax.models.network import flat_names
     from uniart_jax.training import sharding
 
-    sharding.MIN_SHARDED_SIZE = 1
     batches = make_batches(nan_at=[args.nan], slow=args.slow, share=share, fail_at=args.fail)
     stage = make_stage(args.steps, args.save_every, accumulate=args.accumulate)
     with distributed.together():

@@ -13,7 +13,7 @@ import tyro
 
 from uniart_jax import __version__
 from uniart_jax.cli.app import app
-from uniart_jax.cli.arguments import exit_on_error
+from uniart_jax.cli.arguments import check_written, exit_on_error
 from uniart_jax.cli.assets import convert, export, reconstruct, validate, view
 from uniart_jax.cli.data import features, inspect, prepare, stats
 from uniart_jax.cli.evaluation import evaluate
@@ -74,6 +74,7 @@ def train_main() -> None:
 
 def _uniart(arguments: Sequence[str]) -> int | None:
     rest = take_verbosity(arguments)
+    check_written(rest)
     if rest == ["--version"]:
         print(f"uniart_jax {__version__}")
         return None
@@ -94,4 +95,9 @@ def _help_alone(arguments: list[str]) -> list[str]:
 
 
 def _exit(command: Callable[[list[str]], int | None]) -> None:
-    sys.exit(exit_on_error(lambda: command(take_verbosity(sys.argv[1:]))))
+    def run() -> int | None:
+        rest = take_verbosity(sys.argv[1:])
+        check_written(rest)
+        return command(rest)
+
+    sys.exit(exit_on_error(run))

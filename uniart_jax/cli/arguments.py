@@ -11,13 +11,14 @@ import select
 import signal
 import sys
 import warnings
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated
 
 import tyro
 
 from uniart_jax.config import Background
+from uniart_jax.runtime.files import check_local
 
 logger = logging.getLogger(__name__)
 
@@ -81,6 +82,18 @@ def _nobody_reads() -> bool:
     if ended:
         os.dup2(os.open(os.devnull, os.O_WRONLY), out)
     return ended
+
+
+def check_written(arguments: Sequence[str]) -> None:
+    """Refuse addresses of buckets where any command writes: ``--out`` and ``--workdir``.
+
+    Raises:
+      ValueError: ``runtime.files.check_local``.
+    """
+    for word, following in zip(arguments, (*arguments[1:], ""), strict=True):
+        name, given, value = word.partition("=")
+        if name in ("--out", "--workdir"):
+            check_local(value if given else following, name)
 
 
 def check_out(

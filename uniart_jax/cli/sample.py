@@ -69,7 +69,8 @@ def sample(
           agree on each joint. Where the checkpoint takes one step, which
             is the mean whatever the seed, several are made in four.
         steps: Solver steps of both flows (default: the checkpoint's).
-        guidance: Classifier-free guidance of both flows, 0 = none (default: the checkpoint's).
+        guidance: Classifier-free guidance of both flows: 0 = none; diffusers' guidance_scale - 1
+          (default: the checkpoint's).
         solver: Of both flows (default: the checkpoint's). Heun asks the network twice a step.
         adaptive: Steps as long as the error allows, instead of --steps of them.
         tolerance: Of --adaptive: error that is allowed (default: the checkpoint's).

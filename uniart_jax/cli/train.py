@@ -9,7 +9,7 @@ import signal
 from collections.abc import Iterator, Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, get_type_hints
 
 import tyro
 
@@ -17,16 +17,10 @@ import uniart_jax
 from uniart_jax.cli.help_texts import readable
 from uniart_jax.config import STAGES, Config, load_config, to_json
 
-Stage = Literal[
-    "all",
-    "image_encoder",
-    "structure_vae",
-    "uniart_vae",
-    "structure_flow",
-    "latent_flow",
-    "layout",
-    "mask",
-]
+if TYPE_CHECKING:
+    Stage = str
+else:
+    Stage = Literal[("all", *STAGES)]
 
 
 @dataclasses.dataclass
@@ -77,6 +71,30 @@ def settings(config: Config, stages: Sequence[str], init: str | Path | None) -> 
     return named
 
 
+def check_fields(words: Sequence[str]) -> None:
+    """Whether each option of ``words`` is a field of the config, by its dotted name.
+
+    Raises:
+      ValueError: one is not; what there is at its place is listed.
+    """
+    for word in words:
+        if not word.startswith("--") or word == "--help":
+            continue
+        at, path = Config, ""
+        for name in word[2:].partition("=")[0].replace("-", "_").split("."):
+            hints = get_type_hints(at) if dataclasses.is_dataclass(at) else {}
+            known = name if name in hints else name.removeprefix("no_")
+            if hints.get(known) is None or (known != name and hints[known] is not bool):
+                options = (
+                    [] if path else [field.name for field in dataclasses.fields(TrainArguments)]
+                )
+                raise ValueError(
+                    f"{word.partition('=')[0]}: {path or 'the command'} has no '{name}'; it has "
+                    f"{', '.join(dict.fromkeys((*options, *hints))) or 'no fields'}"
+                )
+            at, path = hints[known], f"{path}.{name}" if path else name
+
+
 def train(arguments: list[str], prog: str = "train.py") -> None:
     """Parse ``--config`` and friends, then any field of the config by its dotted name, and train.
 
@@ -88,18 +106,17 @@ def train(arguments: list[str], prog: str = "train.py") -> None:
     known, rest = tyro.cli(TrainArguments, args=first, return_unknown_args=True, prog=prog)
     rest += ["--help"] if fields else []
     default = load_config(known.config)
+    check_fields(rest)
     readable(Config)
     if fields:
         with contextlib.suppress(SystemExit):
             tyro.cli(TrainArguments, args=["--help"], prog=prog)
     config = tyro.cli(Config, default=default, args=rest, prog=f"{prog} --config {known.config}")
-    from uniart_jax.runtime.compilation_cache import enable_compilation_cache, quick_compile
+    from uniart_jax.runtime.compilation_cache import keep_programs
     from uniart_jax.stages import Trainer
     from uniart_jax.training import distributed
 
-    enable_compilation_cache()
-    if config.quick_compile:
-        quick_compile()
+    keep_programs(config.quick_compile)
     stages = STAGES if known.stage == "all" else (known.stage,)
     by_hand = (known.coordinator, known.processes, known.process)
     if known.distributed or any(value is not None for value in by_hand):

@@ -52,8 +52,9 @@ def _build(cls: type, data: Any, path: str, strange: list[str]) -> Any:
         elif get_origin(hint) is tuple and isinstance(value, list):
             values[name] = tuple(value)
         elif get_origin(hint) is Literal:
-            values[name] = value
-            if value not in get_args(hint):
+            if value in get_args(hint):
+                values[name] = value
+            else:
                 strange.append(f"{path}{name}={reprlib.repr(value)}")
         elif isinstance(value, bool) != (hint is bool) or not isinstance(
             value, (hint, int) if hint is float else hint

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, get_args
 
+ComputeDtype = Literal["float32", "bfloat16"]
 Kernel = Literal["auto", "xla", "cudnn", "triton", "splash", "plain"]
 NETWORKS = ("image_encoder", "structure_vae", "uniart_vae", "structure_flow", "latent_flow")
 STAGES = (*NETWORKS, "layout", "mask")  # the last two where a model has them
@@ -52,7 +53,7 @@ class ImageEncoderConfig:
     num_blocks, num_heads and mlp_ratio.
     """
 
-    architecture: Literal["volume", "dinov2"] = "volume"
+    architecture: str = "volume"  # a key of ``IMAGE_ENCODERS``
     patch_size: int = 14  # 'dinov2'
     registers: int = 4  # 'dinov2'
     # side of the crop over the object's longer side (TRELLIS: 1.2); records hold crops of 1.1
@@ -74,6 +75,13 @@ class ImageEncoderConfig:
     target_resolution: int = 16  # a side, of the regressed boxes and joints
     sketch_width: int = 384  # of the MLP from the whole coarse map to the camera and a first volume
     mlp_ratio: float = 4.0
+
+    def __post_init__(self) -> None:
+        if self.architecture not in IMAGE_ENCODERS:
+            raise ValueError(
+                f"config: model.image_encoder.architecture is {self.architecture!r}; choose one of "
+                f"{', '.join(IMAGE_ENCODERS)}, or add its kind to config.IMAGE_ENCODERS"
+            )
 
     @property
     def kind(self) -> ImageEncoderKind:
@@ -267,9 +275,15 @@ class ModelConfig:
     latent_flow: FlowConfig = FlowConfig(patch_size=2, io_channels=(128,))
     gaussians: GaussianConfig = GaussianConfig()
     kernel: Kernel = "auto"
-    compute_dtype: Literal["float32", "bfloat16"] = "float32"
+    compute_dtype: ComputeDtype = "float32"
     scan_blocks: bool = False
     remat: bool = False
+
+    def __post_init__(self) -> None:
+        for name, choices in (("compute_dtype", ComputeDtype), ("kernel", Kernel)):
+            if (value := getattr(self, name)) not in get_args(choices):
+                listed = ", ".join(get_args(choices))
+                raise ValueError(f"config: model.{name} is {value!r}; choose one of {listed}")
 
     def networks(self) -> list[str]:
         """Those of ``STAGES`` that it has."""

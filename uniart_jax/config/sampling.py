@@ -12,6 +12,8 @@ TOLERANCES = (1e-4, 1.0)  # of adaptive solvers
 class SampleConfig:
     """Sampling defaults that belong to a checkpoint.
 
+    ``guidance``: classifier-free, v_c + w (v_c - v_u); 0 is none. It is the ``guidance_scale`` of
+    diffusers less 1. ``guidance_interval``: of t, outside which there is none.
     ``adaptive``: each item in steps of its own, of an error of about ``tolerance``
     (``flow.solvers``); ``steps`` and ``rescale_t`` then give the first step's length alone.
     ``mirrored``: where a flow takes one step, the mean with what it makes of the mirrored picture

@@ -91,7 +91,9 @@ class LossConfig:
 
 @dataclasses.dataclass(frozen=True)
 class MeshConfig:
-    """Device mesh: -1 means "all the rest"."""
+    """Device mesh: -1 means "all the rest". ``min_split``: arrays of so many numbers and more are
+    split over ``fsdp``; smaller ones cost more in latency than they save in memory."""
 
     data: int = -1
     fsdp: int = 1
+    min_split: int = 2**16

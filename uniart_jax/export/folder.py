@@ -10,6 +10,8 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from uniart_jax.runtime.files import check_local
+
 MARKS = ("object.urdf", "report.json")  # what a folder must hold to be replaced
 
 
@@ -29,9 +31,10 @@ def check_target(
       marks: files one of which a folder must hold to be replaced.
 
     Raises:
-      ValueError: the folder is a file, holds the working or home directory or an input, is a file
-        system's root, or is not empty and may not be replaced.
+      ValueError: the folder is a file or an address, holds the working or home directory or an
+        input, is a file system's root, or is not empty and may not be replaced.
     """
+    check_local(folder, "output")
     final = Path(folder).resolve()
     if final.exists() and not final.is_dir():
         raise ValueError(f"{folder}: it is a file; choose another --out")

@@ -28,8 +28,7 @@ from uniart_jax.data.mirror import (
 )
 from uniart_jax.inference.certainty import certainty, differences
 from uniart_jax.models.checkpoint import Checkpoint
-from uniart_jax.models.network import build
-from uniart_jax.runtime.program_cache import kept_program
+from uniart_jax.models.network import build, kept_of_model
 from uniart_jax.voxels.joint_code import align, box_corners
 
 APART = 0.15  # object units between the corners of rows that two looks have of one part
@@ -101,7 +100,7 @@ class LayoutPredictor:
             rounds = {f"round_{name}": values for name, values in rounds.items()}
             return {**out["parts"][-1], **whole, **legs, **panels, **boards, **rounds}
 
-        self._run = kept_program(jax.jit(run), "layouts", model)
+        self._run = kept_of_model(jax.jit(run), "layouts", model)
 
     def __call__(self, images: Sequence[np.ndarray]) -> list[dict[str, np.ndarray]]:
         """Crops [S, S, 3] uint8 over black -> for each corners [Q, 6] (lower, upper), codes [Q, 9],

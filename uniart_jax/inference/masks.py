@@ -17,8 +17,7 @@ from PIL import Image
 
 from uniart_jax.config import ModelConfig
 from uniart_jax.models.checkpoint import Checkpoint
-from uniart_jax.models.network import build
-from uniart_jax.runtime.program_cache import kept_program
+from uniart_jax.models.network import build, kept_of_model
 
 AROUND = 1.25  # side of the second look over what the first found
 LOOSE = 0.02  # a region of less than this share of the largest is no part of the object
@@ -37,7 +36,7 @@ class MaskPredictor:
     def __init__(self, model: ModelConfig, params: Any):
         self.image_size = model.mask.image_size
         self._params = jax.device_put(params)
-        self._run = kept_program(jax.jit(build("mask", model).apply), "mask", model)
+        self._run = kept_of_model(jax.jit(build("mask", model).apply), "mask", model)
 
     def __call__(self, rgba: np.ndarray) -> np.ndarray | None:
         """[H, W, 4] uint8 (alpha is not looked at) -> [H, W] uint8 mask, soft at its edges; None if

@@ -36,9 +36,8 @@ from uniart_jax.inference.samplers import (
 )
 from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.gaussian_decoder import gaussian_parameters
-from uniart_jax.models.network import build
+from uniart_jax.models.network import build, kept_of_model
 from uniart_jax.nn.voxel_plans import voxel_plans
-from uniart_jax.runtime.program_cache import kept_program
 from uniart_jax.voxels.grid import PartGrid, VoxelGrid
 from uniart_jax.voxels.layout import Layout
 from uniart_jax.voxels.part_table import EMPTY, PartTable, part_table
@@ -296,18 +295,18 @@ class Networks:
     @functools.cached_property
     def _encode_images(self):
         model = self.config.model
-        return kept_program(make_conditioner(model), "conditioner", model)
+        return kept_of_model(make_conditioner(model), "conditioner", model)
 
     @functools.cached_property
     def _decode_structure(self):
         model = self.config.model
-        return kept_program(make_structure_decoder(model), "structure decoder", model)
+        return kept_of_model(make_structure_decoder(model), "structure decoder", model)
 
     @functools.cached_property
     def _decode_voxels(self):
         model = self.config.model
         decode = jax.jit(functools.partial(build("uniart_vae", model).apply, method="decode"))
-        return kept_program(decode, "voxel decoder", model)
+        return kept_of_model(decode, "voxel decoder", model)
 
     @functools.cached_property
     def _decode_gaussians(self):
@@ -330,13 +329,13 @@ class Networks:
     def _structure_sampler(self, options: SampleConfig):
         model = self.config.model
         sampler = make_structure_sampler(model, options)
-        return kept_program(sampler, "structure sampler", model, options)
+        return kept_of_model(sampler, "structure sampler", model, options)
 
     @functools.lru_cache(maxsize=4)  # noqa: B019
     def _latent_sampler(self, options: SampleConfig):
         model = self.config.model
         sampler = make_latent_sampler(model, options)
-        return kept_program(sampler, "latent sampler", model, options)
+        return kept_of_model(sampler, "latent sampler", model, options)
 
 
 def voxel_grid(

@@ -27,7 +27,8 @@ from uniart_jax.models.checkpoint_files import (
     write_statistics,
 )
 from uniart_jax.models.hub import PREFIX, hub_folder
-from uniart_jax.models.network import build
+from uniart_jax.models.network import build, is_of_this_package
+from uniart_jax.runtime.files import check_local
 from uniart_jax.runtime.program_cache import kept_shapes
 
 PRETRAINED = Path(__file__).parent.parent / "pretrained"  # the shipped models
@@ -65,11 +66,12 @@ class Checkpoint:
 
         Raises:
           FileNotFoundError: none of these; the shipped ones are listed.
-          ValueError: what the hub needs is not installed.
+          ValueError: what the hub needs is not installed, or it is an address of a bucket.
         """
         if str(given).startswith(PREFIX):
             folder = hub_folder(str(given))
         else:
+            check_local(given, "checkpoint")
             shipped = PRETRAINED / str(given)
             folder = shipped if not os.path.isdir(given) and os.path.isdir(shipped) else Path(given)
         if not str(given).strip() or not os.path.isdir(folder):  # isdir: False for a name too long
@@ -152,7 +154,9 @@ class Checkpoint:
             narrow = dataclasses.replace(getattr(model, name), **dict.fromkeys(options, 0))
             model = dataclasses.replace(model, **{name: narrow})
         path = self.path(f"{name}.safetensors")
-        return read_network(path, kept_shapes(lambda: build(name, model).abstract(), name, model))
+        make = lambda: build(name, model).abstract()  # noqa: E731
+        kept = is_of_this_package(model)
+        return read_network(path, kept_shapes(make, name, model) if kept else make())
 
     def missing_layers(self, name: str, model: ModelConfig) -> list[str]:
         """Which of ``ADDED_LAYERS`` network ``name`` has in ``model`` and lacks here."""

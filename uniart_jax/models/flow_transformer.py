@@ -98,7 +98,7 @@ class StructureFlow(FlowTrunk):
         views: Views = (None, None),
         layout: PartTable | None = None,
     ) -> jax.Array:
-        """Velocity at x [B, r, r, r, C] and time t [B] in [0, 1].
+        """Velocity at x [B, r, r, r, C] and time t [B] in [0, 1], or one t of all.
 
         Args:
           tokens: [B / n, M, D']. volume: [B / n, Rv, Rv, Rv, C'].
@@ -106,6 +106,7 @@ class StructureFlow(FlowTrunk):
             pictures.
           layout: [B / n, ...], with ``layout_channels``.
         """
+        t = jnp.broadcast_to(t, x.shape[:1])
         seen, draws = self.see(x, t), x.shape[0] // tokens.shape[0]
         h = self.input_layer(_patchify(seen, self.config.patch_size))
         parts = self._see_cells(layout, draws)
@@ -273,7 +274,7 @@ class LatentFlow(FlowTrunk):
         counts: jax.Array,
         plan: FlowPlan,
     ) -> jax.Array:
-        """Velocity at x [B, V, C] and time t [B] in [0, 1]; padding zero.
+        """Velocity at x [B, V, C] and time t [B] in [0, 1], or one t of all; padding zero.
 
         Args:
           tokens: [B / n, M, D']. volume: [B / n, Rv, Rv, Rv, C'].
@@ -283,7 +284,7 @@ class LatentFlow(FlowTrunk):
           coords [B / m, V, 3], counts [B / m] and their plan (``nn.grids.flow_plan``): m draws in a
           row share them.
         """
-        shared = x.shape[0] // coords.shape[0]
+        t, shared = jnp.broadcast_to(t, x.shape[:1]), x.shape[0] // coords.shape[0]
         if shared > 1:
             coords, counts = (jnp.repeat(a, shared, axis=0) for a in (coords, counts))
             plan = repeat_plan(plan, shared)

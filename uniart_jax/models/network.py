@@ -16,12 +16,16 @@ import jax
 from flax import nnx
 
 from uniart_jax.config import STAGES, ModelConfig
+from uniart_jax.models.aggregation import AGGREGATIONS
+from uniart_jax.runtime.program_cache import kept_program
 
 Params = dict[str, Any]
 TOLD = 6  # names of a kind, missing ones for instance, that a message holds
 
-# each network's file in this folder and its module, imported when it is built
-MODULES = {
+# Each network's file in this folder and its class, imported when it is built; or a class of one's
+# own, of (ModelConfig, nnx.Rngs), or where it is: "package.module:Class".
+Entry = str | type[nnx.Module]
+MODULES: dict[str, Entry] = {
     "layout": "layout:LayoutNetwork",
     "mask": "mask:MaskNetwork",
     "structure_vae": "structure_vae:StructureVAE",
@@ -30,8 +34,9 @@ MODULES = {
     "latent_flow": "flow_transformer:LatentFlow",
     "gaussian_decoder": "gaussian_decoder:GaussianDecoder",
 }
-# By ``ImageEncoderConfig.architecture``. An image encoder maps images [B, H, W, 3], sRGB in [0, 1]
-# on black, to a dict. ``inference.samplers.make_conditioner`` takes of it
+# By ``ImageEncoderConfig.architecture``, entries as in ``MODULES``. An image encoder maps images
+# [B, H, W, 3], sRGB in [0, 1] on black, to a dict. ``inference.samplers.make_conditioner`` takes of
+# it
 #   tokens [B, L, D]              always: any number of them, D = cond_channels of the flows
 #   volume [B, Rv, Rv, Rv, C]     where a flow has volume_channels, of which it reads the first:
 #                                 features in the object's grid, Rv = volume_resolution
@@ -45,7 +50,7 @@ MODULES = {
 # One that is ``trained`` is also called with true cameras (image, camera, use_true_camera), and
 # gives occupancy [B, R, R, R] logits and codes [B, Rt, Rt, Rt, 21] to ``training.encoder_loss``.
 # Further keys are its own affair. The layout network has a backbone of its own.
-IMAGE_ENCODERS = {
+IMAGE_ENCODERS: dict[str, Entry] = {
     "volume": "image_encoder:ImageEncoder",
     "dinov2": "dinov2:DINOv2",
 }
@@ -119,20 +124,72 @@ def build(name: str, config: ModelConfig) -> Network:
     Raises:
       ValueError: the name is none of these.
     """
+    modules = {**MODULES, "image_encoder": encoder_entry(config)}
+    if name not in modules:
+        known = ", ".join(dict.fromkeys((*STAGES, *modules)))
+        raise ValueError(f"network {name!r} is unknown; choose one of {known}")
     try:
-        return _built(name, config)
+        return _built(name, config, modules[name])
     except TypeError:  # a list in the config
-        return _built.__wrapped__(name, config)
+        return _built.__wrapped__(name, config, modules[name])
+
+
+def encoder_entry(config: ModelConfig) -> Entry:
+    """That of the config's image encoder.
+
+    Raises:
+      ValueError: ``IMAGE_ENCODERS`` has no such architecture.
+    """
+    architecture = config.image_encoder.architecture
+    if architecture not in IMAGE_ENCODERS:
+        raise ValueError(
+            f"image encoder {architecture!r} has no network; choose one of "
+            f"{', '.join(IMAGE_ENCODERS)}, or add it to models.network.IMAGE_ENCODERS"
+        )
+    return IMAGE_ENCODERS[architecture]
 
 
 @functools.lru_cache(maxsize=32)
-def _built(name: str, config: ModelConfig) -> Network:
-    modules = {**MODULES, "image_encoder": IMAGE_ENCODERS[config.image_encoder.architecture]}
-    if name not in modules:
-        raise ValueError(f"network {name!r} is unknown; choose one of {', '.join(STAGES)}")
-    file, kind = modules[name].split(":")
-    module = getattr(importlib.import_module(f"uniart_jax.models.{file}"), kind)
+def _built(name: str, config: ModelConfig, entry: Entry) -> Network:
+    module = network_class(entry)
     return Network(name, config, lambda rngs: module(config, rngs))
+
+
+def network_class(entry: Entry) -> Callable[..., nnx.Module]:
+    """The class that an entry of ``MODULES`` or ``IMAGE_ENCODERS`` means.
+
+    Raises:
+      ValueError: it names none.
+    """
+    if not isinstance(entry, str):
+        return entry
+    file, _, kind = entry.partition(":")
+    name = file if "." in file else f"uniart_jax.models.{file}"
+    try:
+        return getattr(importlib.import_module(name), kind)
+    except (ImportError, AttributeError) as error:
+        raise ValueError(
+            f"network '{entry}': {error}; give a class, or package.module:Class"
+        ) from error
+
+
+def is_of_this_package(config: ModelConfig) -> bool:
+    """Whether all networks of a model are of this package, whose sources tell a kept program from
+    one that has changed (``runtime.program_cache``)."""
+    front = AGGREGATIONS.get(config.uniart_vae.aggregation)
+    entries = (*MODULES.values(), encoder_entry(config), *filter(None, [front]))
+    places = (entry if isinstance(entry, str) else f"{entry.__module__}." for entry in entries)
+    return all("." not in place or place.startswith("uniart_jax.") for place in places)
+
+
+def kept_of_model(
+    jitted: Callable[..., Any], what: str, config: ModelConfig, *settings: Any
+) -> Callable[..., Any]:
+    """``program_cache.kept_program`` of a model's networks; ``jitted`` as it is where not all of
+    them are of this package."""
+    if not is_of_this_package(config):
+        return jitted
+    return kept_program(jitted, what, config, *settings)
 
 
 def flat_names(tree: Any) -> dict[str, Any]:

@@ -11,18 +11,33 @@ QUICK_XLA = "--xla_cpu_use_fusion_emitters=false --xla_cpu_parallel_codegen_spli
 TRIED_JAXLIB = "0.10.2"  # of ``QUICK_XLA``; XLA ends a process whose options it does not know
 
 
+def keep_programs(quick: bool = False) -> None:
+    """``uniart_jax.keep_programs()``: what command lines do about compiling, for programs and
+    notebooks. Call it before anything is computed.
+
+    Traced and compiled programs are kept for the next run (``enable_compilation_cache``).
+
+    Args:
+      quick: compile in less time what then runs slower (``quick_compile``), as ``train.py`` does
+        where ``Config.quick_compile`` says so.
+    """
+    enable_compilation_cache()
+    if quick:
+        quick_compile()
+
+
 def enable_compilation_cache() -> None:
     """Keep traced and compiled programs between runs, in the user's cache folder, unless JAX was
     told another; programs call this, the library does not."""
     import jax
 
-    from uniart_jax.runtime.program_cache import keep_programs
+    from uniart_jax.runtime import program_cache
 
     if jax.config.jax_compilation_cache_dir is None:
         base = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache"))
         jax.config.update("jax_compilation_cache_dir", str(base / "uniart_jax" / "xla"))
         jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.3)
-        keep_programs(base / "uniart_jax" / "programs")
+        program_cache.keep_programs(base / "uniart_jax" / "programs")
 
 
 def quick_compile() -> None:

@@ -1,5 +1,5 @@
 """Files that are complete or absent: written under another name beside their place, which they take
-at the end."""
+at the end. All are of file systems: an address of a bucket is refused."""
 
 from __future__ import annotations
 
@@ -9,6 +9,26 @@ import re
 import socket
 from collections.abc import Iterator
 from pathlib import Path
+
+# of ``gs://bucket``; pathlib makes one slash of two. A drive has one letter.
+_REMOTE = re.compile(r"([A-Za-z][A-Za-z0-9+.-]+):/+")
+
+
+def check_local(path: str | Path, what: str) -> None:
+    """Refuse the address of a bucket, of which a folder ``gs:`` would be made here.
+
+    Args:
+      what: which setting it is, for the message.
+
+    Raises:
+      ValueError: ``path`` begins as an address does.
+    """
+    if found := _REMOTE.match(str(path)):
+        address = f"{found[1]}://{str(path)[found.end() :]}"
+        raise ValueError(
+            f"{what} '{address}': an address is no folder; mount the bucket (gcsfuse, Filestore) "
+            "and give its folder"
+        )
 
 
 def _place() -> str:

@@ -8,6 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import jax
+
 from uniart_jax.config import Config, DataConfig, GridConfig
 from uniart_jax.data.batches import open_records
 from uniart_jax.data.folder import read_manifest, read_metadata
@@ -16,12 +18,15 @@ from uniart_jax.inference.samplers import reads_layout_cameras
 from uniart_jax.models.checkpoint import WIDENABLE, Checkpoint
 from uniart_jax.models.network import build
 from uniart_jax.procedural import WORLDS
+from uniart_jax.runtime.files import check_local
 from uniart_jax.runtime.progress import messages
 from uniart_jax.stages.stage import Stage
 from uniart_jax.training import distributed
+from uniart_jax.training.sharding import make_mesh
 from uniart_jax.training.state import frozen_mask
 
 OBJECTS_A_WORKER = 8  # at least: starting one takes as long as a few objects
+FOLDERS = ("records", "validation", "layouts", "backgrounds")  # of ``DataConfig``
 COUNTS = ("steps", "batch_size", "accumulate", "log_every", "evaluate_every", "save_every")
 console = messages()
 
@@ -36,7 +41,10 @@ def overlapping(data: DataConfig) -> bool:
 
 
 def check_settings(config: Config, stages: Sequence[Stage]) -> None:
-    """ValueError where a number of a stage or the voxel buckets cannot be."""
+    """ValueError where a number of a stage or the voxel buckets cannot be, or a folder of the data
+    is an address."""
+    for field in FOLDERS:
+        check_local(getattr(config.data, field), f"data.{field}")
     for stage in stages:
         stage.check(config)
         name, settings = stage.name, stage.settings(config)
@@ -50,6 +58,33 @@ def check_settings(config: Config, stages: Sequence[Stage]) -> None:
             f"config: data.voxel_buckets is {config.data.voxel_buckets}; give one number of voxels "
             "or more, each above 0"
         )
+
+
+def check_devices(config: Config, stages: Sequence[Stage]) -> None:
+    """Whether the mesh can be made, and each stage's batch divides over its devices. One process
+    that has more devices than divide is told so.
+
+    Raises:
+      ValueError: ``make_mesh``, or several processes could not share a batch.
+    """
+    devices, processes = make_mesh(config.mesh).size, jax.process_count()
+    for stage in stages:
+        name, settings = stage.name, stage.settings(config)
+        each = settings.accumulate
+        if settings.batch_size % (each * devices) == 0:
+            continue
+        if processes > 1:
+            raise ValueError(
+                f"config: {name}.batch_size is {settings.batch_size}, which does not divide over "
+                f"{devices} devices of {processes} processes with accumulate {each}; give a "
+                f"multiple of {each * devices}"
+            )
+        if devices > 1:
+            console.print(
+                f"{name}: {settings.batch_size // each} items at once do not divide over {devices} "
+                "devices, so each computes all of them; give a batch_size that does",
+                style="yellow",
+            )
 
 
 def check_features(config: Config, stages: Sequence[Stage]) -> None:
@@ -73,8 +108,13 @@ def networks_to_copy(
     looked at. Those that lack layers are named on the console.
 
     Raises:
-      ValueError: one of them does not fit the config.
+      ValueError: one of them does not fit the config. FileNotFoundError: it holds no network.
     """
+    if not source.networks():
+        raise FileNotFoundError(
+            f"checkpoint {source.folder}: there is no network in it to go on from; give a folder "
+            "that holds NETWORK.safetensors, such as a WORKDIR"
+        )
     names = source.copyable(config, trained, target)
     for name in names:
         source.load(name, config.model)
@@ -89,6 +129,16 @@ def networks_to_copy(
                 markup=False,
             )
     return names
+
+
+def tell_from_scratch(source: Checkpoint, name: str) -> None:
+    """Say that a network is trained from its beginning, as checkpoint ``source`` has none."""
+    if distributed.is_first():
+        console.print(
+            f"{name}: not in {source.folder}, so it begins from scratch",
+            style="yellow",
+            markup=False,
+        )
 
 
 def check_found(

@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from uniart_jax.config import Config, ModelConfig
+from uniart_jax.config import LATENT_OF, Config, ModelConfig
 from uniart_jax.data.folder import read_metadata
 from uniart_jax.data.latents import check_views, latent_batches
 from uniart_jax.inference.samplers import (
@@ -57,7 +57,7 @@ class FlowStage(Stage):
 
     def check_inputs(self, config: Config, workdir: Path, source: Checkpoint | None) -> None:
         folder = workdir / "checkpoints" / self.name
-        fixed = fixed_statistics(source, workdir, self.latent)
+        fixed = fixed_statistics(source, workdir, self.name)
         distributed.on_first_process(lambda: check_flow_inputs(folder, config, workdir, fixed))
 
     def batches(self, config: Config, workdir: Path, share: dict[str, int]) -> Any:
@@ -76,7 +76,7 @@ class FlowStage(Stage):
     ) -> dict[str, Statistics]:
         """Encodes the records where that is not done yet."""
         found = encode_all(config, workdir)
-        ours = fixed_statistics(source, workdir, self.latent) or found[self.latent]
+        ours = fixed_statistics(source, workdir, self.name) or found[self.latent]
         found[self.latent] = ours
         distributed.on_first_process(
             lambda: write_statistics(Checkpoint.of_workdir(workdir).folder, self.latent, *ours)
@@ -107,12 +107,15 @@ class FlowStage(Stage):
         return tuple(load(workdir, name, config) for name in frozen)
 
 
-def fixed_statistics(source: Checkpoint | None, workdir: Path, latent: str) -> Statistics | None:
-    """Mean and standard deviation of a latent by which a flow that goes on from checkpoint
-    ``source`` was normalised; None where its latent space differs: those of the records count."""
-    if source is None or not source.same_latent_space(Checkpoint.of_workdir(workdir)):
+def fixed_statistics(source: Checkpoint | None, workdir: Path, flow: str) -> Statistics | None:
+    """Mean and standard deviation of the latent by which a flow that goes on from checkpoint
+    ``source`` was normalised; None where that has no such flow, or its latent space differs: those
+    of the records count."""
+    if source is None or not source.has(flow):
         return None
-    return source.statistics(latent)
+    if not source.same_latent_space(Checkpoint.of_workdir(workdir)):
+        return None
+    return source.statistics(LATENT_OF[flow])
 
 
 def check_flow_inputs(

@@ -50,8 +50,18 @@ class Stage(abc.ABC):
     needed: ClassVar[tuple[str, ...]] = ()
 
     def settings(self, config: Config) -> StageConfig:
-        """Its steps, batch size and rates."""
-        return getattr(config, self.name)
+        """Its steps, batch size and rates.
+
+        Raises:
+          ValueError: the config has none of its name.
+        """
+        settings = getattr(config, self.name, None)
+        if not isinstance(settings, StageConfig):
+            raise ValueError(
+                f"stage {self.name}: the config has no StageConfig of this name; override "
+                "Stage.settings, or give the stage the name of a network that it takes the place of"
+            )
+        return settings
 
     def left_out(self, model: ModelConfig) -> str:
         """Why a model has nothing to train here, with what to do; "" where it has."""

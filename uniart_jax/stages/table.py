@@ -11,6 +11,8 @@ from uniart_jax.stages.structure_flow import StructureFlowStage
 from uniart_jax.stages.structure_vae import StructureVAEStage
 from uniart_jax.stages.uniart_vae import UniArtVAEStage
 
+# Append at the end: a stage's place is part of its seed. A stage of one's own may take a place:
+# ``STAGES["structure_vae"] = Focal()`` (docs/tutorial.md, "A loss of your own").
 STAGES: dict[str, Stage] = {
     stage.name: stage
     for stage in (

@@ -12,7 +12,7 @@ from typing import Any
 import jax
 import optax
 
-from uniart_jax.config import NETWORKS, Config, ModelConfig
+from uniart_jax.config import Config, ModelConfig
 from uniart_jax.data.image_table import load_image_table
 from uniart_jax.models.checkpoint import Checkpoint, set_untrained
 from uniart_jax.models.checkpoint_files import write_network
@@ -26,7 +26,7 @@ from uniart_jax.training.checkpoints import Checkpoints
 from uniart_jax.training.loop import run_stage
 from uniart_jax.training.microbatches import in_parts
 from uniart_jax.training.programs import Programs
-from uniart_jax.training.sharding import make_mesh, put_batch, replicated
+from uniart_jax.training.sharding import make_mesh, put_batch, replicated, split_words
 from uniart_jax.training.state import abstract_state, begin_with, create_state, make_optimizer
 from uniart_jax.training.step import make_train_step
 from uniart_jax.voxels.typed_batches import batch_of
@@ -94,25 +94,20 @@ def train_network(
         if distributed.is_first():
             console.print(f"{name}: already trained ({settings.steps} steps); skipped")
         return
-    items = settings.batch_size // settings.accumulate
-    if items % mesh.size and jax.process_count() == 1:  # of several, sending the batch is an error
-        console.print(
-            f"{name}: {items} items at once do not divide over {mesh.size} devices, so each "
-            "computes all of them; give a batch_size that does",
-            style="yellow",
-        )
     statistics = stage.statistics(config, workdir, source)
     key = jax.random.fold_in(jax.random.key(config.seed), list(STAGES).index(name))
     optimizer = make_optimizer(settings)
     step = make_step(stage, network, optimizer, config, workdir, mesh, statistics, source)
     if trained:  # nothing that the checkpoint would replace
-        start = abstract_state(network.init, optimizer, mesh)
+        start = abstract_state(network.init, optimizer, mesh, config.mesh.min_split)
     else:
-        start = create_state(network.init, optimizer, key, mesh)
-        if source is not None and goes_on(source, name):
+        start = create_state(network.init, optimizer, key, mesh, config.mesh.min_split)
+        if source is not None and source.has(name):
             start = begin_with(start, source.load(name, config.model, widen=True))
         elif first := stage.first_weights(config):
             start = begin_with(start, first)
+    if distributed.is_first() and (split := split_words(mesh, start.params)):
+        console.print(f"{name}: {split}", highlight=False)
     iterator = (
         iter(stage_batches(stage, config, workdir)) if batches is None else counted(stage, batches)
     )
@@ -137,12 +132,6 @@ def train_network(
         )
     write_network(exported.folder, name, state.ema)  # on every process; the first one writes
     distributed.on_first_process(lambda: set_untrained(exported.folder, [name]))
-
-
-def goes_on(source: Checkpoint, name: str) -> bool:
-    """Whether a training that goes on from ``source`` begins with its weights of a network: not
-    where it has none of a network that models can do without, as checkpoints of before have."""
-    return name in NETWORKS or source.has(name)
 
 
 def counted(stage: Stage, batches: Iterable[Any]) -> Any:

@@ -20,8 +20,10 @@ from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.checkpoint_files import write_config
 from uniart_jax.pipeline import Pipeline
 from uniart_jax.pipeline import load as load_pipeline
+from uniart_jax.runtime.files import check_local
 from uniart_jax.runtime.locks import exclusive_lock
 from uniart_jax.stages.checks import (
+    check_devices,
     check_features,
     check_found,
     check_freeze,
@@ -29,9 +31,10 @@ from uniart_jax.stages.checks import (
     ensure_records,
     networks_to_copy,
     overlapping,
+    tell_from_scratch,
 )
 from uniart_jax.stages.table import STAGES
-from uniart_jax.stages.train_network import goes_on, train_network
+from uniart_jax.stages.train_network import train_network
 from uniart_jax.training import distributed
 
 RUNTIME = ("kernel", "compute_dtype", "scan_blocks", "remat")  # how a model is run, not what it is
@@ -113,16 +116,18 @@ def run(
 
     Args:
       init: a checkpoint (``Checkpoint.find``) to go on from, see ``Checkpoint.copyable``;
-        default: the config's own. A stage that has a checkpoint of its own resumes from that.
+        default: the config's own. A stage that has a checkpoint of its own resumes from that; one
+        whose network ``init`` lacks begins from scratch.
       batches: of one stage, in place of its own (``Trainer.fit``).
 
     Raises:
       ValueError: WORKDIR belongs to another model or another process works in it, a setting is out
-        of range, a flow's checkpoint to other inputs, ``init`` does not fit the config, or a
-        stage's ``freeze`` its network.
+        of range or does not fit the devices, a flow's checkpoint to other inputs, ``init`` does not
+        fit the config, or a stage's ``freeze`` its network.
       FileNotFoundError: records, an earlier stage's weights or published ones are missing.
       FloatingPointError: loss or gradients are not finite (``StageConfig.skip_not_finite``).
     """
+    check_local(workdir, "workdir")
     workdir = Path(workdir)
     chosen = [STAGES[name] for name in trainable(config, stages)]
     names = [stage.name for stage in chosen]
@@ -131,6 +136,7 @@ def run(
             "config: data.records is empty; give the folder of 'uniart prepare … --out FOLDER'"
         )
     check_settings(config, chosen)
+    check_devices(config, chosen if batches is None else ())
     check_features(config, chosen)
     if overlapping(config.data) and distributed.is_first():
         warnings.warn(
@@ -143,14 +149,15 @@ def run(
     copied: list[str] = []
     check_freeze(config, chosen)
     if source is not None:  # before anything is written
-        for name in names:
-            if goes_on(source, name):
-                source.load(name, config.model, widen=True)
+        for name in filter(source.has, names):
+            source.load(name, config.model, widen=True)
         copied = networks_to_copy(config, source, names, exported)
     for stage in chosen:
         resumed = (workdir / "checkpoints" / stage.name).is_dir() or exported.has(stage.name)
-        if not resumed and (source is None or not goes_on(source, stage.name)):
+        if not resumed and (source is None or not source.has(stage.name)):
             stage.check_first_weights(config)
+            if source is not None:
+                tell_from_scratch(source, stage.name)
     check_found(config, chosen, exported, copied)
     with exclusive_lock(workdir) if distributed.is_first() else contextlib.nullcontext():
         distributed.on_first_process(lambda: check_workdir(config, workdir))
@@ -187,8 +194,12 @@ def trainable(config: Config, names: Sequence[str]) -> list[str]:
 
 
 def check_workdir(config: Config, workdir: Path) -> None:
-    """Make WORKDIR this config's, or check that it is: one folder holds one model."""
-    if (workdir / "config.json").is_file():
+    """Make WORKDIR this config's, or check that it is: one folder holds one model, as soon as
+    something of it has been trained or copied."""
+    exported = Checkpoint.of_workdir(workdir)
+    saved = [p for p in workdir.glob("checkpoints/*/*") if p.name.isdigit()]
+    begun = bool(saved) or any(exported.folder.glob("*.safetensors"))
+    if begun and (workdir / "config.json").is_file():
         found = Checkpoint(workdir).config
         runtime = {name: getattr(config.model, name) for name in RUNTIME}
         other = dataclasses.replace(found.model, **runtime)
@@ -201,6 +212,5 @@ def check_workdir(config: Config, workdir: Path) -> None:
             )
     workdir.mkdir(parents=True, exist_ok=True)
     write_config(workdir, config)
-    exported = Checkpoint.of_workdir(workdir)
-    untrained = exported.untrained()
+    untrained = exported.untrained() if begun else ()
     write_config(exported.folder, dataclasses.replace(config, untrained=untrained))

@@ -136,7 +136,8 @@ def _check_port(coordinator: str, port: int) -> None:
 
 def slurm_devices(environment: Mapping[str, str]) -> list[int] | None:
     """The GPUs of this task of a SLURM job: those that it sees, shared equally by the tasks on its
-    node; None elsewhere (JAX's own choice).
+    node, or all of them where they are fewer than the tasks (each task then sees its own alone);
+    None elsewhere (JAX's own choice).
 
     JAX takes one GPU a task, so that a single task on a node of eight would leave seven idle.
     """
@@ -158,7 +159,9 @@ def slurm_devices(environment: Mapping[str, str]) -> list[int] | None:
     ):
         tasks += [int(number)] * int(times or 1)
     here = 1 if "SLURM_GPUS_PER_TASK" in environment else tasks[int(environment["SLURM_NODEID"])]
-    if not seen or seen % here:
+    if seen < here:
+        return list(range(seen)) or None
+    if seen % here:
         return None
     share, local = seen // here, int(environment["SLURM_LOCALID"]) % here
     return list(range(local * share, (local + 1) * share))

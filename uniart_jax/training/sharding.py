@@ -20,8 +20,6 @@ from uniart_jax.training.distributed import largest
 from uniart_jax.voxels.typed_batches import VoxelBatch
 
 AXES = ("data", "fsdp")
-# Smaller arrays cost more in latency than they save in memory.
-MIN_SHARDED_SIZE = 2**16
 
 
 def make_mesh(config: MeshConfig) -> Mesh:
@@ -61,20 +59,31 @@ def batch_sharding(mesh: Mesh) -> NamedSharding:
     return NamedSharding(mesh, P(AXES))
 
 
-def state_sharding(mesh: Mesh, abstract: Any, min_size: int | None = None) -> Any:
+def state_sharding(mesh: Mesh, abstract: Any, min_split: int = MeshConfig.min_split) -> Any:
     """Shardings of a pytree of arrays or ShapeDtypeStructs: the largest axis that ``fsdp`` divides,
-    for arrays of ``min_size``."""
+    for arrays of ``min_split`` numbers and more."""
     parts = mesh.shape["fsdp"]
-    min_size = MIN_SHARDED_SIZE if min_size is None else min_size
 
     def place(leaf: Any) -> NamedSharding:
         axes = [axis for axis, size in enumerate(leaf.shape) if size % parts == 0]
-        if parts == 1 or not axes or int(np.prod(leaf.shape)) < min_size:
+        if parts == 1 or not axes or int(np.prod(leaf.shape)) < min_split:
             return replicated(mesh)
         longest = max(axes, key=lambda axis: (leaf.shape[axis], axis))
         return NamedSharding(mesh, P(*(None,) * longest, "fsdp"))
 
     return jax.tree.map(place, abstract)
+
+
+def split_words(mesh: Mesh, placed: Any) -> str:
+    """ "fsdp 4: 93 % of 555 M numbers split", of arrays or ShapeDtypeStructs with shardings; ""
+    where there is nothing to split over."""
+    if (parts := mesh.shape["fsdp"]) == 1:
+        return ""
+    leaves = jax.tree.leaves(placed)
+    whole = sum(leaf.size for leaf in leaves)
+    split = sum(leaf.size for leaf in leaves if not leaf.sharding.is_fully_replicated)
+    millions = f"{whole / 1e6:.{0 if whole >= 1e7 else 2}f}"
+    return f"fsdp {parts}: {split / whole:.0%} of {millions} M numbers split".replace("%", " %")
 
 
 def put_batch(batch: Any, mesh: Mesh) -> Any:

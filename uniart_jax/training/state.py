@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import optax
 import optax.contrib
 
-from uniart_jax.config import StageConfig
+from uniart_jax.config import MeshConfig, StageConfig
 from uniart_jax.models.network import flat_names
 from uniart_jax.training.sharding import state_sharding
 
@@ -237,6 +237,7 @@ def create_state(
     optimizer: optax.GradientTransformation,
     key: jax.Array,
     mesh: jax.sharding.Mesh | None = None,
+    min_split: int = MeshConfig.min_split,
 ) -> TrainState:
     """A fresh state whose arrays are born where they will live; no device ever holds all of a
     sharded network.
@@ -244,9 +245,11 @@ def create_state(
     Args:
       network_init: key -> parameters.
       mesh: of ``make_mesh``; None puts everything on the default device.
+      min_split: numbers of the smallest arrays that are split (``sharding.state_sharding``).
     """
     init = functools.partial(_fresh, network_init, optimizer)
-    shardings = None if mesh is None else state_sharding(mesh, jax.eval_shape(init, key))
+    abstract = jax.eval_shape(init, key)
+    shardings = None if mesh is None else state_sharding(mesh, abstract, min_split)
     # LLVM takes 20 seconds to make fast what runs once for a moment
     slow = jax.default_backend() == "cpu" and not jax.config.read("jax_disable_most_optimizations")
     quick = {"xla_backend_optimization_level": 1} if slow else None
@@ -257,6 +260,7 @@ def abstract_state(
     network_init: Callable[[jax.Array], Params],
     optimizer: optax.GradientTransformation,
     mesh: jax.sharding.Mesh,
+    min_split: int = MeshConfig.min_split,
 ) -> TrainState:
     """ShapeDtypeStructs of ``create_state``, with its shardings: what a checkpoint is restored
     into, without a second state on the devices."""
@@ -265,7 +269,7 @@ def abstract_state(
     return jax.tree.map(
         lambda leaf, place: jax.ShapeDtypeStruct(leaf.shape, leaf.dtype, sharding=place),
         shapes,
-        state_sharding(mesh, shapes),
+        state_sharding(mesh, shapes, min_split),
     )
 
 
