@@ -201,10 +201,7 @@ class Pipeline(Networks):
             layout = dataclasses.replace(with_usual_boards(told, side or 1.0), camera=camera)
             background = "keep"
         elif isinstance(layout, Layout) and layout.metres:
-            raise ValueError(
-                "layout: lengths in metres go without an image; beside one give object units, of "
-                "which the longest side is 1"
-            )
+            raise ValueError("layout: lengths in metres go without an image; give object units")
         single = isinstance(image, (str, Path, np.ndarray))
         views: list[Any] = [image] if single else list(image)
         if not views:
