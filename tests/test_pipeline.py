@@ -2,6 +2,7 @@
 
 import dataclasses
 from pathlib import Path
+from types import SimpleNamespace
 
 import jax
 import jax.numpy as jnp
@@ -366,3 +367,23 @@ def test_a_layout_needs_no_image(pipeline, monkeypatch):
     ((pixels, found),) = seen
     assert np.allclose(found.boxes, layout.boxes) and np.allclose(found.camera, camera, atol=1e-6)
     np.testing.assert_allclose(pixels[0], pipeline.prepare(picture), atol=0.02)
+
+
+def test_an_object_of_a_layout_in_metres_has_its_size(pipeline, monkeypatch):
+    solved = SimpleNamespace(evaluations=[1], steps_over_tolerance=[0])
+    made = {
+        "encode_views": lambda *_: SimpleNamespace(original=None),
+        "find_voxels": lambda *_: (np.ones((1, 3), int), solved),
+        "find_grid": lambda *_: (None, solved),
+        "assemble_layout": lambda grid, found, name: found.to_object(),
+    }
+    for name, step in made.items():
+        monkeypatch.setattr(f"uniart_jax.pipeline.{name}", step)
+    layout = dataclasses.replace(make_layout(0.0), boxes=3 * make_layout(0.0).boxes)
+    sizes = [
+        pipeline.sample(layout=dataclasses.replace(layout, metres=metres)).obj.scale
+        for metres in (True, False)
+    ]
+    assert sizes[0] == pytest.approx(3) and sizes[1] != sizes[0]
+    one = pipeline.sample(layout=layout)
+    assert one.background == () and one.cut[0].shape == (512, 512, 4)

@@ -698,6 +698,37 @@ MUTANTS = (
         "tests/export/test_protrusions.py::test_handles_leave_a_shape_for_every_part",
     ),
     Mutant(
+        "uniart_jax/data/layout_renders.py",
+        "further(corners[face], body[face] + out)",
+        "corners[face]",
+        "tests/data/test_layout_renders.py::test_a_drawer_whose_front_lies_in_the_bodys_is_seen",
+    ),
+    Mutant(
+        "uniart_jax/data/layout_renders.py",
+        "min(TOP, box[5])",
+        "0",
+        "tests/data/test_layout_renders.py::test_legs_that_reach_the_top_leave_a_top",
+    ),
+    Mutant(
+        "uniart_jax/voxels/usual_boards.py",
+        "ends[away.argmax()] - ends[away.argmin()]",
+        "joint.travel[1]",
+        "tests/voxels/test_usual_boards.py"
+        "::test_a_drawer_is_open_above_and_has_its_front_where_it_opens",
+    ),
+    Mutant(
+        "uniart_jax/voxels/layout.py",
+        "(own.boxes - corners) / side",
+        "own.boxes / side",
+        "tests/voxels/test_layout.py::test_a_layout_in_metres_becomes_one_in_object_units",
+    ),
+    Mutant(
+        "uniart_jax/pipeline.py",
+        "side = longest if layout.metres else None",
+        "side = None",
+        "tests/test_pipeline.py::test_an_object_of_a_layout_in_metres_has_its_size",
+    ),
+    Mutant(
         "uniart_jax/export/box_growth.py",
         "np.int64(-filled.size)",
         "np.int64(0)",
