@@ -720,7 +720,7 @@ MUTANTS = (
         "uniart_jax/voxels/layout.py",
         "(own.boxes - corners) / side",
         "own.boxes / side",
-        "tests/voxels/test_layout.py::test_a_layout_in_metres_becomes_one_in_object_units",
+        "tests/voxels/test_layout_json.py::test_a_layout_in_metres_becomes_one_in_object_units",
     ),
     Mutant(
         "uniart_jax/pipeline.py",

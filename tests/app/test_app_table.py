@@ -171,6 +171,7 @@ def tiny(data):
         (lambda d: d["parts"][1]["box"].pop("size"), False, "part 1: size must be 3"),
         (lambda d: d["parts"][1]["box"].update(size=[10**400] * 3), False, "part 1: size must"),
         (lambda d: d["parts"][1]["box"].update(size=[1, 1, 3]), False, "'drawer_1' reaches 1.5"),
+        (lambda d: d.update(units="m"), False, "with a picture lengths are object units"),
         (tiny, True, "table: no box is longer than 1e-06"),
     ],
 )

@@ -15,6 +15,7 @@ import tyro
 
 from uniart_jax import __version__, cli
 from uniart_jax.cli import COMMANDS
+from uniart_jax.cli.arguments import check_written
 from uniart_jax.cli.help_texts import field_comments, joined_lines, readable, value_name
 from uniart_jax.cli.verbosity import take_verbosity
 from uniart_jax.runtime import progress
@@ -272,3 +273,9 @@ def test_help_breaks_lines_where_the_terminal_ends_alone():
         "    first: What it is, over three lines.",
         "    second: Short.",
     ]
+
+
+def test_no_words_at_all_are_no_fault():
+    check_written([])
+    with pytest.raises(ValueError, match="--out"):
+        check_written(["sample", "--out", "gs://bucket/run"])

@@ -84,7 +84,8 @@ def test_an_installed_package_finds_its_own_copy(tmp_path, monkeypatch):
     built = tomllib.loads((ROOT / "pyproject.toml").read_text())
     wheel = built["tool"]["hatch"]["build"]["targets"]["wheel"]
     inside = wheel["sources"]["configs"]
-    taken = {"uniart_jax", "configs", "examples/images", "examples/photograph.jpg"}
+    taken = {"uniart_jax", "configs", "examples/images", "examples/layouts"}
+    taken |= {"examples/photograph.jpg"}
     assert set(wheel["only-include"]) == taken
     package = tmp_path / "uniart_jax"
     (tmp_path / inside).mkdir(parents=True)

@@ -83,6 +83,13 @@ def test_a_sliding_door_is_a_plate():
     assert len(boards_of(tray, slide(-1, 0, 0))) == 1
 
 
+def test_knobs_and_turntables_have_no_boards():
+    plate = [0, 0, 0, 0.3, 0.3, 0.01]
+    assert boards_of(plate, Joint((0, 0, 0), (0, 0, 1), angle=(0, 6))) is None
+    knob = [-0.256, 0, 0, 0.012, 0.06, 0.06]
+    assert boards_of(knob, Joint((-0.25, 0, 0), (-1, 0, 0), angle=(0, 4.7))) is None
+
+
 def test_walls_are_as_thick_as_furnitures():
     one = Layout(
         np.array([BODY, DRAWER]),

@@ -51,7 +51,7 @@ def table_text(layout: Layout) -> str:
         joint = row["joint"]
         spans = {name: joint.pop(name) for name in ("angle", "travel")}
         row["joint"] = {**joint, **{name: ends for name, ends in spans.items() if any(ends)}}
-        if joint["type"] == "fixed":
+        if joint["type"] == "fixed" or not {"angle", "travel"} & set(row["joint"]):
             row["joint"] = {"type": "fixed"}
         kept = {name: value for name, value in row.items() if name not in other}
         further = [f'"{name}": {_line(row[name])}' for name in other if row[name]]
@@ -85,6 +85,8 @@ def followed_layout(text: Any, read: Layout | None) -> Layout:
         if layout.boxes[:, 3:].max() < SMALLEST_OBJECT:
             raise ValueError(f"table: no box is longer than {SMALLEST_OBJECT:g}")
         return layout
+    if layout.metres:
+        raise ValueError(f"table: {OTHER_LENGTHS}")
     reach = (np.abs(layout.boxes[:, :3]) + layout.boxes[:, 3:] / 2).max(1)
     if reach.max() > REACH:
         name = layout.name(int(reach.argmax()))

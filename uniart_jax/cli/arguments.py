@@ -90,7 +90,7 @@ def check_written(arguments: Sequence[str]) -> None:
     Raises:
       ValueError: ``runtime.files.check_local``.
     """
-    for word, following in zip(arguments, (*arguments[1:], ""), strict=True):
+    for word, following in zip(arguments, [*arguments, ""][1:], strict=True):
         name, given, value = word.partition("=")
         if name in ("--out", "--workdir"):
             check_local(value if given else following, name)

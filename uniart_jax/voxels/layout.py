@@ -75,6 +75,7 @@ from uniart_jax.voxels.revolution_table import (
 
 SCHEMA = 1
 FRAME = "object: z up, front at -x, shown state, longest side 1, centred"
+WHOLE = ("schema", "frame", "units", "camera", "certainty", "parts", "legs", "panels")
 SIZES = (0.01, 20.0)  # metres of the longest side
 ROOT = -1  # name of the virtual root
 
@@ -280,6 +281,7 @@ class Layout:
             raise ValueError(f"layout: not valid JSON ({error})") from None
         if not isinstance(data, dict) or data.get("schema") != SCHEMA:
             raise ValueError(f'layout: give an object with "schema": {SCHEMA}')
+        check_names(data, WHOLE, "layout")
         rows, units = data.get("parts"), data.get("units", "object")
         if units not in ("object", "m"):
             raise ValueError(f'layout: units {units!r}; give "m" (metres) or "object"')
@@ -288,14 +290,16 @@ class Layout:
         far = FARTHEST if units == "m" else LIMIT
         boxes, joints, parents, colors, confidence = [], [], [], [], []
         boards, revolutions, names = [], [], []
-        called = [row.get("name") if isinstance(row, dict) else None for row in rows]
+        called = [
+            isinstance(row, dict) and (row.get("name") or f"part_{k}") for k, row in enumerate(rows)
+        ]
         for k, row in enumerate(rows):
             where = f"layout: part {k}"
             if not isinstance(row, dict):
                 raise ValueError(f"{where} is not an object")
             check_names(row, ENTRIES, where)
             names.append(part_name(row.get("name"), names, where))
-            boxes.append(part_box(json_object(row, "box", where), 2 * far, units, where))
+            boxes.append(part_box(json_object(row, "box", where), units, where))
             parent = row.get("parent")
             if isinstance(parent, str) and parent in called:
                 parent = called.index(parent)

@@ -9,11 +9,12 @@ import numpy as np
 
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.names import clean
-from uniart_jax.voxels.json_rows import check_names, json_numbers, json_object
+from uniart_jax.voxels.json_rows import FARTHEST, check_names, json_numbers, json_object
 
 ENTRIES = ("name", "parent", "box", "color", "confidence", "joint", "boards", "revolution")
 OF_JOINTS = ("type", "origin", "direction", "angle", "travel")
 MADE_UP = re.compile(r"part_\d+")  # names that ``Layout.to_json`` counts out
+ROUNDED = 5e-4  # that a screw's travel may be off, of its angle's
 MOST_TURNS = 4 * np.pi + 0.01  # radians of a joint
 
 
@@ -26,14 +27,14 @@ def part_name(name: Any, before: list[str | None], where: str) -> str | None:
     return clean(name)
 
 
-def part_box(box: dict, far: float, units: str, where: str) -> np.ndarray:
+def part_box(box: dict, units: str, where: str) -> np.ndarray:
     """[6] centre and size."""
     center, size = (json_numbers(box, name, 3, where) for name in ("center", "size"))
     if size.min() <= 0:
         raise ValueError(f"{where}: size {size.tolist()} must be above 0")
-    if (np.abs(center) + size / 2).max() > far:
-        words = "metres" if units == "m" else 'object units (or say "units": "m")'
-        raise ValueError(f"{where}: its box lies beyond {far:g}; lengths are {words}")
+    if (np.abs(center) + size / 2).max() > FARTHEST:
+        words = "metres" if units == "m" else "object units"
+        raise ValueError(f"{where}: its box lies beyond {FARTHEST:g}; lengths are {words}")
     return np.concatenate([center, size])
 
 
@@ -50,6 +51,10 @@ def part_joint(row: dict, parent: int | None, middle: np.ndarray, where: str) ->
         if data.get("type", "fixed") != "fixed" and not {"angle", "travel"} & set(data):
             raise ValueError(f"{where}: joint has no range; give angle or travel")
         return Joint.fixed()
+    if angle.any() and travel.any():  # a screw, whose numbers may have been rounded
+        pitch = float(angle @ travel / (angle @ angle))
+        rounded = np.abs(travel - pitch * angle).max() <= ROUNDED
+        travel = pitch * angle if rounded else travel
     if np.abs(angle).max() > MOST_TURNS:
         raise ValueError(f"{where}: angle {angle.tolist()} turns too far; give radians")
     direction = json_numbers(data, "direction", 3, where)

@@ -10,7 +10,7 @@ from uniart_jax.objects.kinematics import Joint
 from uniart_jax.voxels.closed_pose import closing_of
 from uniart_jax.voxels.joint_code import box_corners
 from uniart_jax.voxels.layout import Layout
-from uniart_jax.voxels.opening_direction import ALONG_LATTICE
+from uniart_jax.voxels.opening_direction import ALONG_LATTICE, round_about
 from uniart_jax.voxels.panel_table import Panels
 
 # metres
@@ -41,6 +41,8 @@ def with_usual_boards(layout: Layout, side: float = 1.0) -> Layout:
         moves = layout.parents[k] >= 0 and joint.type in ("prismatic", "revolute")
         if found[k] is not None or outlines[k] is not None or not moves or not closed[k]:
             continue
+        if round_about(layout.boxes[k, :3], layout.boxes[k, 3:], joint) is not None:
+            continue  # knobs and turntables are made of their boxes
         short, middle = np.sort(layout.boxes[k, 3:])[:2]
         boards = None
         if short < min(FLAT / side, PLATE * middle):

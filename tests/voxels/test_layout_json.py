@@ -114,7 +114,9 @@ def test_a_parent_may_be_told_by_its_name():
         {"parent": None, "box": box},
     ]
     read = lambda: Layout.from_json(json.dumps({"schema": 1, "parts": rows}))  # noqa: E731
-    with pytest.raises(ValueError, match="part 1: parent 'part_2' is no row of the table"):
+    assert read().parents == (1, 2, -1)
+    rows[1]["parent"] = "lid"
+    with pytest.raises(ValueError, match="part 1: parent 'lid' is no row of the table"):
         read()
     rows[2]["name"] = "body"
     rows[1]["parent"] = "body"
@@ -156,7 +158,8 @@ def test_names_are_kept_and_told_apart():
             {"units": "m"},
             "90 m long",
         ),
-        ((BODY | {"box": CUBE | {"size": [1, 1, 5]}},), {}, 'say "units": "m"'),
+        ((BODY | {"box": CUBE | {"size": [1, 1, 500]}},), {}, "lengths are object units"),
+        ((BODY,), {"unit": "m"}, "layout: no entry 'unit'; there are schema, frame, units"),
         ((BODY, TRAY | {"colour": [1, 0, 0]}), {}, "part 1: no entry 'colour'"),
         ((BODY, TRAY | {"joint": SLIDE | {"angles": [0, 1]}}), {}, "no entry 'angles'"),
         ((BODY, TRAY | {"joint": {"type": "revolute"}}), {}, "part 1: joint has no range"),
@@ -189,3 +192,11 @@ def test_names_reach_the_asset_and_no_other_folder(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["asset"]
     links = yourdfpy.URDF.load(str(tmp_path / "asset/object.urdf")).link_map
     assert "oven" in links and any("the door" in name for name in links)
+
+
+def test_a_screw_may_be_rounded():
+    screw = {"direction": [0, 0, 1], "angle": [-1.2346, 2.3457], "travel": [-0.0123, 0.0235]}
+    joint = Layout.from_json(as_text(BODY, TRAY | {"joint": screw})).joints[1]
+    assert joint.type == "screw" and joint.pitch == pytest.approx(0.01, rel=0.01)
+    with pytest.raises(ValueError, match="not proportional"):
+        Layout.from_json(as_text(BODY, TRAY | {"joint": screw | {"travel": [0, 0.3]}}))
