@@ -126,7 +126,7 @@ def test_a_bad_table_is_one_line_and_the_button_is_off(page):
     read = page.table
     for text, says in (
         (read[:-1], "not valid JSON"),
-        (read.replace('"size"', '"sizes"', 1), "part 0: size must be 3 finite numbers"),
+        (read.replace('"size"', '"sizes"', 1), "part 0: box: no entry"),
         ("x" * (LONGEST + 1), "200,001 characters"),
     ):
         page.table = text

@@ -152,7 +152,7 @@ def test_an_outline_is_turned_about_its_axis(axis):
     ("joint", "sides", "disc"),
     [
         (Joint((-0.3, 0.1, 0.2), (-1, 0, 0), angle=(0, 4)), (0.1, 0.1), True),
-        (Joint((-0.3, 0.1, 0.2), (-1, 0, 0), angle=(0, 4)), (0.1, 0.2), False),
+        (Joint((-0.3, 0.1, 0.2), (-1, 0, 0), angle=(0, 4)), (0.1, 0.3), False),
         (Joint((-0.3, 0.14, 0.2), (-1, 0, 0), angle=(0, 4)), (0.1, 0.1), False),
         (Joint((-0.3, 0.1, 0.2), (-1, 0, 0), travel=(0, 0.1)), (0.1, 0.1), False),
     ],

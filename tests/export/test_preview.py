@@ -11,7 +11,6 @@ from PIL import Image
 from uniart_jax.data.cameras import camera_codes
 from uniart_jax.export import preview
 from uniart_jax.export.preview import (
-    DEFAULT_VIEW,
     TILE,
     choose_view,
     read_image,
@@ -20,7 +19,7 @@ from uniart_jax.export.preview import (
     write_preview,
 )
 from uniart_jax.objects.object import ArticulatedObject
-from uniart_jax.visual.render import Camera, fit, render
+from uniart_jax.visual.render import FRONT_LEFT, Camera, fit, render
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +45,7 @@ def test_a_known_camera_is_the_view(azimuth, elevation):
     (code,) = camera_codes(np.array([[*angles, 35, 2]]), image)
     view = view_of_code(code)
     assert np.allclose([view.azimuth, view.elevation], angles, atol=1e-6)
-    assert view.fov_degrees == DEFAULT_VIEW.fov_degrees
+    assert view.fov_degrees == FRONT_LEFT.fov_degrees
     assert np.rad2deg(view_of_code(np.array([0, 1, 1.7, 1, 1, 0, 0])).elevation) < 90
 
 
@@ -62,14 +61,14 @@ def test_a_large_image_is_looked_at_small(shown, monkeypatch):
 
 
 def test_an_image_without_transparency_gives_the_default_view(shown):
-    assert choose_view(shown, picture(shown, 30, 20).convert("RGB")) == DEFAULT_VIEW
-    assert choose_view(shown, None) == DEFAULT_VIEW
-    assert choose_view(shown, Image.new("RGBA", (50, 50))) == DEFAULT_VIEW
+    assert choose_view(shown, picture(shown, 30, 20).convert("RGB")) == FRONT_LEFT
+    assert choose_view(shown, None) == FRONT_LEFT
+    assert choose_view(shown, Image.new("RGBA", (50, 50))) == FRONT_LEFT
 
 
 def test_preview_shows_the_object_opened(shown, tmp_path):
     image = picture(shown, -30, 20)
-    path = write_preview(shown, tmp_path / "preview.png", image, DEFAULT_VIEW)
+    path = write_preview(shown, tmp_path / "preview.png", image, FRONT_LEFT)
     sheet = np.asarray(Image.open(path).convert("RGB")).astype(int)
     assert sheet.shape[1] > 4 * TILE
     tiles = np.split(sheet[:, : sheet.shape[1] // 4 * 4], 4, axis=1)
@@ -84,7 +83,7 @@ def test_preview_shows_the_object_opened(shown, tmp_path):
 
 
 def test_motion_is_small_and_loops(shown, tmp_path):
-    path = write_motion(shown, tmp_path / "motion.gif", DEFAULT_VIEW)
+    path = write_motion(shown, tmp_path / "motion.gif", FRONT_LEFT)
     assert path.stat().st_size < 1_000_000
     with Image.open(path) as gif:
         assert 16 <= gif.n_frames <= 24
@@ -98,9 +97,9 @@ def test_motion_is_small_and_loops(shown, tmp_path):
 
 def test_an_object_that_cannot_move_has_no_motion(shown, tmp_path):
     alone = ArticulatedObject((dataclasses.replace(shown.parts[0]),))
-    assert write_motion(alone, tmp_path / "motion.gif", DEFAULT_VIEW) is None
+    assert write_motion(alone, tmp_path / "motion.gif", FRONT_LEFT) is None
     assert not (tmp_path / "motion.gif").exists()
-    write_preview(alone, tmp_path / "preview.png", None, DEFAULT_VIEW)
+    write_preview(alone, tmp_path / "preview.png", None, FRONT_LEFT)
 
 
 @pytest.mark.parametrize("size", [(1, 1), (1, 900), (2000, 3)])

@@ -160,6 +160,7 @@ def test_names_are_kept_and_told_apart():
         ),
         ((BODY | {"box": CUBE | {"size": [1, 1, 500]}},), {}, "lengths are object units"),
         ((BODY,), {"unit": "m"}, "layout: no entry 'unit'; there are schema, frame, units"),
+        ((BODY | {"box": CUBE | {"rotation": [0, 0, 1]}},), {}, "box: no entry 'rotation'"),
         ((BODY, TRAY | {"colour": [1, 0, 0]}), {}, "part 1: no entry 'colour'"),
         ((BODY, TRAY | {"joint": SLIDE | {"angles": [0, 1]}}), {}, "no entry 'angles'"),
         ((BODY, TRAY | {"joint": {"type": "revolute"}}), {}, "part 1: joint has no range"),

@@ -82,7 +82,8 @@ def prepare(
 
     Args:
         source: "layouts": pictures and part tables of procedural objects, for --stage layout,
-          without voxels; of the options --count, --world, --image-size and --processes.
+          without voxels; of the options --count, --first-block, --world, --image-size and
+          --processes.
           "procedural": drawn here. "partnet-mobility": its folders under ROOT. "urdf": every URDF,
             MJCF and object.json under ROOT.
         root: Folder of assets.

@@ -212,7 +212,10 @@ def _layout(path: Path | None, follow: bool, single: bool) -> Any:
         return follow
     if not follow or not single:
         raise ValueError("sample: --layout is of one image, and goes without --no-follow")
-    return _table(path)
+    table = _table(path)
+    if table.metres:
+        raise ValueError(f"layout '{path}': lengths in metres go without an image")
+    return table
 
 
 def _table(path: Path) -> Any:
@@ -222,7 +225,7 @@ def _table(path: Path) -> Any:
     from uniart_jax.voxels.layout import Layout
 
     try:
-        return dataclasses.replace(Layout.from_json(path.read_text()), certainty=None)
+        return dataclasses.replace(Layout.from_json(path.read_text("utf-8-sig")), certainty=None)
     except (ValueError, UnicodeDecodeError) as error:
         raise ValueError(f"layout '{path}': {error}") from None
 

@@ -9,21 +9,19 @@ import numpy as np
 import trimesh
 
 from uniart_jax.data.cameras import camera_codes
-from uniart_jax.objects.appearance import linear_to_srgb
 from uniart_jax.objects.kinematics import Joint
-from uniart_jax.objects.object import ArticulatedObject, Part
+from uniart_jax.objects.object import ArticulatedObject
 from uniart_jax.visual.render import FRONT_LEFT, fit, render
 from uniart_jax.voxels.closed_pose import closing_of, undone
+from uniart_jax.voxels.joint_code import box_corners
 from uniart_jax.voxels.layout import Layout
 from uniart_jax.voxels.leg_table import Legs
-from uniart_jax.voxels.opening_direction import still_parts
+from uniart_jax.voxels.opening_direction import round_about, still_parts
 from uniart_jax.voxels.revolution_table import Revolution
 
 SIDE = 512  # pixels
 MARGIN = 1.15  # frame over object
 FLUSH = 0.02  # object units between faces of a moving part and of the body that count as one face
-ROUND = 0.8  # of a disc's width, that its height is at least; its axis lies as near to its middle
-STRAIGHT = 0.95  # cosine of a disc's axis and the box's
 PROUD = 0.008  # object units by which the moving part's stands out, to be seen
 TOP = 0.02  # object units of a body above its legs, at least
 SEAM = 0.003  # object units around a moving part that show the edges between neighbours
@@ -44,59 +42,54 @@ def solids(layout: Layout) -> ArticulatedObject:
     panels and legs; a round part the solid of its outline; else a part is its box. The front of a
     moving part stands out a little where it lies in the body's front, so that it is seen."""
     still = still_parts(layout.parents, layout.joints)
-    root = layout.parents.index(-1)
+    root, corners = layout.parents.index(-1), box_corners(np.asarray(layout.boxes, np.float64))
     shown = undone(closing_of(layout.joints, layout.boxes, layout.parents))
-    parts = []
-    for k, box in enumerate(np.asarray(layout.boxes, np.float64)):
+    drawn = []
+    for k, (box, joint) in enumerate(zip(layout.boxes, layout.joints, strict=True)):
         boards = layout.boards[k] if layout.boards else None
         outline = layout.revolutions[k] if layout.revolutions else None
+        if outline is None and (axis := round_about(box[:3], box[3:], joint)) is not None:
+            across = [i for i in range(3) if i != axis]  # knobs and turntables
+            outline = Revolution(axis, box[:3][across], np.full(2, box[3:][across].min() / 2))
         if k == root:
-            meshes = _body(layout, box, outline)
+            meshes = _body(layout, box, corners[k], outline)
         elif boards is not None and k not in still:
             meshes = _boxes(boards.boxes)
             for mesh in meshes:
                 mesh.apply_transform(np.vstack([shown[k], [0, 0, 0, 1]]))
-        elif outline is not None or (outline := _disc(layout.joints[k], box)) is not None:
+        elif outline is not None:
             meshes = [_turned(outline, box)]
         else:
-            meshes = _boxes([_front(box, layout.joints[k], _corners(layout.boxes[root]))])
-        mesh = trimesh.util.concatenate(meshes)
-        paint = np.append(linear_to_srgb(np.clip(layout.colors[k], 0, 1)), 1.0)
-        mesh.visual.face_colors = np.round(255 * paint).astype(np.uint8)
-        joint, parent = layout.joints[k], int(layout.parents[k])
-        parts.append(Part(f"part_{k}", mesh, parent, joint))
-    return ArticulatedObject(tuple(parts))
+            meshes = _boxes([_front(corners[k], joint, corners[root])])
+        drawn.append(trimesh.util.concatenate(meshes))
+    return layout.to_object(drawn)
 
 
-def _body(layout: Layout, box: np.ndarray, outline: Revolution | None) -> list[trimesh.Trimesh]:
+def _body(
+    layout: Layout, box: np.ndarray, corners: np.ndarray, outline: Revolution | None
+) -> list[trimesh.Trimesh]:
     """What the root is built of, as far as the layout tells."""
     legs = [] if layout.legs is None else _legs(layout.legs)
     if layout.panels is not None and len(layout.panels):
         return _boxes(layout.panels.boxes) + legs
     if outline is not None:
         return [_turned(outline, box), *legs]
-    corners = _corners(box)
     if layout.legs is not None and legs and layout.legs.alone:  # what they carry is at least a top
-        above = float(layout.legs.heights[:, 1].max())
+        above, corners = float(layout.legs.heights[:, 1].max()), corners.copy()
         corners[2] = np.clip(above, corners[2], corners[5] - min(TOP, box[5]))
     return _boxes([corners]) + legs
 
 
-def _corners(box: np.ndarray) -> np.ndarray:
-    """[6] lower and upper corner of a box as centre and size."""
-    return np.concatenate([box[:3] - box[3:] / 2, box[:3] + box[3:] / 2])
-
-
-def _front(box: np.ndarray, joint: Joint, body: np.ndarray) -> np.ndarray:
+def _front(corners: np.ndarray, joint: Joint, body: np.ndarray) -> np.ndarray:
     """Corners [6] of a moving part's box, told from its neighbours: ``SEAM`` smaller around, and
     its front moved out by ``PROUD`` where it lies in a face of the body's box [6]. The front of a
     slider faces along its way, that of a plate across it."""
-    corners = _corners(box)
     if joint.type == "fixed":
         return corners
+    size = corners[3:] - corners[:3]
     slides = joint.type == "prismatic"
-    axis = int(np.abs(joint.direction).argmax()) if slides else int(box[3:].argmin())
-    seam = np.where(np.arange(3) == axis, 0, np.minimum(SEAM, box[3:] / 4))
+    axis = int(np.abs(joint.direction).argmax()) if slides else int(size.argmin())
+    seam = np.where(np.arange(3) == axis, 0, np.minimum(SEAM, size / 4))
     corners = corners + np.concatenate([seam, -seam])
     for face, out in ((axis, -PROUD), (axis + 3, PROUD)):
         if abs(corners[face] - body[face]) < FLUSH:
@@ -118,18 +111,6 @@ def _legs(legs: Legs) -> list[trimesh.Trimesh]:
         points = [[x, y, z] for r, z in ends for x in (r[0], r[2]) for y in (r[1], r[3])]
         meshes.append(trimesh.convex.convex_hull(np.array(points)))
     return meshes
-
-
-def _disc(joint: Joint, box: np.ndarray) -> Revolution | None:
-    """The cylinder in a box that turns about its own middle and is as wide as it is high, as knobs
-    and turntables are; else None."""
-    axis = int(np.abs(joint.direction).argmax())
-    across = [i for i in range(3) if i != axis]
-    sides, beside = box[3:][across], np.abs(joint.origin - box[:3])[across]
-    round_ = sides.min() > ROUND * sides.max() and beside.max() < (1 - ROUND) * sides.min()
-    if not joint.rotates or abs(joint.direction[axis]) < STRAIGHT or not round_:
-        return None
-    return Revolution(axis, box[:3][across], np.full(2, sides.min() / 2))
 
 
 def _turned(outline: Revolution, box: np.ndarray) -> trimesh.Trimesh:

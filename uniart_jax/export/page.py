@@ -20,9 +20,8 @@ import numpy as np
 from uniart_jax.export.frames import moves
 from uniart_jax.export.html_page import content_hash, fill
 from uniart_jax.export.physics import Box, Shape
-from uniart_jax.export.preview import DEFAULT_VIEW
 from uniart_jax.objects.object import ArticulatedObject, Part
-from uniart_jax.visual.render import PART_COLORS
+from uniart_jax.visual.render import FRONT_LEFT, PART_COLORS
 
 SCRIPTS = ("model.js", "symbols.js", "stage.js", "panel.js")
 DIGITS = 7  # significant ones of collision shapes
@@ -97,8 +96,8 @@ def page_data(obj: ArticulatedObject, shapes: Sequence[Sequence[Shape]]) -> dict
         "name": obj.name or "Articulated object",
         "size": _floats((obj.bounds[1] - obj.bounds[0]) * obj.scale),
         "view": {
-            "from": _floats(DEFAULT_VIEW.position / DEFAULT_VIEW.distance),
-            "fov": DEFAULT_VIEW.fov_degrees,
+            "from": _floats(FRONT_LEFT.position / FRONT_LEFT.distance),
+            "fov": FRONT_LEFT.fov_degrees,
         },
         "parts": parts,
         "bodies": [[_shape(shape) for shape in of_part] for of_part in shapes],

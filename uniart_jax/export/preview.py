@@ -25,7 +25,6 @@ GAP, CAPTION = 8, 26  # pixels between tiles, and above them
 BACKGROUND = (244, 244, 246)
 INK = (70, 72, 80)
 _tile = functools.partial(picture, background=BACKGROUND)
-DEFAULT_VIEW = FRONT_LEFT
 STEEPEST = np.deg2rad(85)  # elevation
 MARGIN = 1.08  # frame over object
 MATCH_SIZE = 48  # pixels a side of the pictures that are compared
@@ -38,7 +37,7 @@ MOTION_SECONDS = 2.4
 def view_of_code(code: np.ndarray) -> Camera:
     """The direction that a camera code [7] (``voxels.camera_code``) looks from."""
     elevation = float(np.clip(code[2], -STEEPEST, STEEPEST))
-    return Camera(np.arctan2(code[0], code[1]), elevation, DEFAULT_VIEW.fov_degrees)
+    return Camera(np.arctan2(code[0], code[1]), elevation, FRONT_LEFT.fov_degrees)
 
 
 def choose_view(obj: ArticulatedObject, image: Image.Image | None) -> Camera:
@@ -49,12 +48,12 @@ def choose_view(obj: ArticulatedObject, image: Image.Image | None) -> Camera:
     their silhouettes, so that distance and framing do not matter.
     """
     if image is None or not image.has_transparency_data:
-        return DEFAULT_VIEW
+        return FRONT_LEFT
     small = image.convert("RGBA")
     small.thumbnail((SEARCH_SIZE, SEARCH_SIZE))
     target = _cropped(np.asarray(small, np.float32) / 255)
     if target is None or target[..., 3].min() > 0.9:
-        return DEFAULT_VIEW
+        return FRONT_LEFT
     best, scene = (np.inf, 0.0, 0.0), build_scene(obj)
     coarse = [(a, e) for e in (8, 20, 32) for a in range(-50, 51, 10)]
     for azimuth, elevation in coarse:
@@ -63,13 +62,13 @@ def choose_view(obj: ArticulatedObject, image: Image.Image | None) -> Camera:
     for azimuth, elevation in fine:
         best = min(best, (_mismatch(obj, scene, target, azimuth, elevation), azimuth, elevation))
     if not np.isfinite(best[0]):
-        return DEFAULT_VIEW
+        return FRONT_LEFT
     return _view(best[1], best[2])
 
 
 def _view(azimuth: float, elevation: float) -> Camera:
     """The camera at angles in degrees."""
-    return Camera(np.deg2rad(azimuth), np.deg2rad(elevation), DEFAULT_VIEW.fov_degrees)
+    return Camera(np.deg2rad(azimuth), np.deg2rad(elevation), FRONT_LEFT.fov_degrees)
 
 
 def _mismatch(

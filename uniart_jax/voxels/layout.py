@@ -216,14 +216,18 @@ class Layout:
             "colors": np.asarray(self.colors)[kept],
         }
 
-    def to_object(self) -> ArticulatedObject:
-        """An object whose parts are their boxes, parents first."""
+    def to_object(self, meshes: Sequence[trimesh.Trimesh] | None = None) -> ArticulatedObject:
+        """An object whose parts are their boxes, or ``meshes`` [K] in their place, in the layout's
+        colours."""
+        if meshes is None:
+            sides = np.maximum(self.boxes[:, 3:], SMALLEST_SIDE)
+            meshes = [trimesh.creation.box(side) for side in sides]
+            for mesh, box in zip(meshes, self.boxes, strict=True):
+                mesh.apply_translation(box[:3])
         parts = []
-        for k, (box, joint, parent) in enumerate(
-            zip(self.boxes, self.joints, self.parents, strict=True)
+        for k, (mesh, joint, parent) in enumerate(
+            zip(meshes, self.joints, self.parents, strict=True)
         ):
-            mesh = trimesh.creation.box(np.maximum(box[3:], SMALLEST_SIDE))
-            mesh.apply_translation(box[:3])
             paint = np.append(linear_to_srgb(np.clip(self.colors[k], 0, 1)), 1.0)
             mesh.visual.face_colors = np.round(255 * paint).astype(np.uint8)
             parts.append(Part(self.name(k), mesh, int(parent), joint))

@@ -29,6 +29,7 @@ def part_name(name: Any, before: list[str | None], where: str) -> str | None:
 
 def part_box(box: dict, units: str, where: str) -> np.ndarray:
     """[6] centre and size."""
+    check_names(box, ("center", "size"), f"{where}: box")
     center, size = (json_numbers(box, name, 3, where) for name in ("center", "size"))
     if size.min() <= 0:
         raise ValueError(f"{where}: size {size.tolist()} must be above 0")

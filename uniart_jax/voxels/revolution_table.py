@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from uniart_jax.voxels.json_rows import LIMIT
+from uniart_jax.voxels.json_rows import LIMIT, plain
 
 RADII = 8  # of a part that is trained on, at the middles of as many equal layers
 SURE = 0.6  # least probability that a part is a solid of revolution
@@ -77,7 +77,6 @@ def read_revolution(
 
 def revolution_to_json(revolution: Revolution) -> dict[str, Any]:
     """``revolution`` of a part in a layout's JSON (``voxels.layout``)."""
-    plain = lambda values: [round(float(v), 6) for v in values]  # noqa: E731
     return {
         "axis": AXES[revolution.axis],
         "center": plain(revolution.center),
