@@ -1,6 +1,7 @@
 """The pipeline's steps with random weights at debug size: batching, padding, views, files."""
 
 import dataclasses
+import json
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -34,6 +35,7 @@ from uniart_jax.models.checkpoint_files import write_config, write_network, writ
 from uniart_jax.models.network import build
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.pipeline import Pipeline, load
+from uniart_jax.voxels.camera_code import project
 from uniart_jax.voxels.layout import Layout
 from uniart_jax.voxels.typed_batches import Condition
 
@@ -362,11 +364,28 @@ def test_a_layout_needs_no_image(pipeline, monkeypatch):
     metres = dataclasses.replace(layout, boxes=boxes, metres=True)
     with pytest.raises(ZeroDivisionError):
         pipeline(layout=metres)
-    with pytest.raises(ValueError, match="lengths in metres go without an image"):
+    with pytest.raises(ZeroDivisionError):
         pipeline(picture, layout=metres)
-    ((pixels, found),) = seen
-    assert np.allclose(found.boxes, layout.boxes) and np.allclose(found.camera, camera, atol=1e-6)
-    np.testing.assert_allclose(pixels[0], pipeline.prepare(picture), atol=0.02)
+    for pixels, found in seen:
+        assert np.allclose(found.boxes, layout.boxes) and not found.metres
+        np.testing.assert_allclose(pixels[0], pipeline.prepare(picture), atol=0.02)
+    assert np.allclose(seen[0][1].camera, camera, atol=1e-6)
+    spots = [project(found.camera, found.boxes[:, :3]) for _, found in seen]  # found by the outline
+    assert np.abs(spots[0] - spots[1]).max() < 0.1
+
+
+def test_a_vision_language_model_tells_the_layout_of_an_image(pipeline):
+    picture, _ = render_layout(make_layout(0.0).normalized()[0])
+    rows = json.loads(dataclasses.replace(make_layout(0.0), camera=None).to_json())
+    told = {
+        "parts": [{n: row[n] for n in ("name", "parent", "box", "joint")} for row in rows["parts"]]
+    }
+    asked = []
+    answer = lambda text, path: asked.append((text, path.suffix)) or json.dumps(told)  # noqa: E731
+    layout = pipeline.ask_layout(picture, answer)
+    assert asked[0][0].startswith("Describe the object") and asked[0][1] == ".png"
+    assert len(layout) == len(make_layout(0.0)) and layout.camera is not None
+    assert layout.size == pytest.approx(make_layout(0.0).normalized()[1], rel=0.2)
 
 
 def test_an_object_of_a_layout_in_metres_has_its_size(pipeline, monkeypatch):
@@ -385,5 +404,9 @@ def test_an_object_of_a_layout_in_metres_has_its_size(pipeline, monkeypatch):
         for metres in (True, False)
     ]
     assert sizes[0] == pytest.approx(3) and sizes[1] != sizes[0]
+    picture, camera = render_layout(make_layout(0.0).normalized()[0])
+    beside = dataclasses.replace(make_layout(0.0), size=0.7, camera=camera)
+    monkeypatch.setattr(pipeline, "_picture", lambda *_: None)
+    assert pipeline.sample(picture, layout=beside).obj.scale == pytest.approx(0.7)
     one = pipeline.sample(layout=layout)
     assert one.background == () and one.cut[0].shape == (512, 512, 4)

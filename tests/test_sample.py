@@ -162,6 +162,8 @@ def test_a_mistake_is_one_line_of_the_program(tmp_path):
         (("--layout", "absent.json"), "layout 'absent.json': no such file"),
         (("--layout", "absent.json", "--no-follow"), "goes without --no-follow"),
         (("--layout", str(ROOT / "README.md")), "not valid JSON"),
+        (("--ask", "llm", "--no-follow"), "--ask goes without --layout and --no-follow"),
+        (("--ask", "llm '"), "is no command"),
     ],
 )
 def test_nonsense_options(tmp_path, refused, options, says):
@@ -313,12 +315,41 @@ def test_layouts_go_without_images(tmp_path, monkeypatch, two_images):
     assert all((out / name / "sample-0/object.urdf").is_file() for name in ("desk", "light"))
 
 
+def test_a_model_is_asked_once_an_image_and_its_layouts_are_followed(
+    tmp_path, monkeypatch, two_images, capsys
+):
+    class Asked(Looker):
+        def ask_layout(self, image, ask, background, say):
+            if image == two_images[0]:
+                say("layout: no")
+            answers.append(ask("prompt", image).strip())
+            return answers[-1]
+
+        def sample(self, image, *, layout, **options):
+            followed.append(layout)
+            return super().sample(image, **options)
+
+    answers, followed = [], []
+    monkeypatch.setattr("uniart_jax.pipeline.load", lambda checkpoint: Asked())
+    off = {"check": False, "refine": False, "output": URDF_ALONE}
+    sample_command(two_images, tmp_path / "out", ask="echo {image}", num_samples=2, **off)
+    assert answers == [str(path) for path in two_images]
+    assert followed == [answers[0]] * 2 + [answers[1]] * 2
+    said = capsys.readouterr().err
+    assert (
+        "light.png: asking 'echo {image}'" in said and "dark.png: asking again: layout: no" in said
+    )
+    with pytest.raises(ValueError, match="ask: 'false' ended with 1"):
+        sample_command(two_images, tmp_path / "two", ask="false", **off)
+
+
 @pytest.mark.parametrize(
     ("given", "says"),
     [
         ((), "give at least one image file, or a layout's JSON"),
         (("absent.json",), "layout 'absent.json': no such file"),
         ((ROOT / "examples/layouts/desk.json", "--no-follow"), "goes without --multi-view"),
+        ((ROOT / "examples/layouts/desk.json", "--ask", "llm"), "--no-follow and --ask"),
         ((ROOT / "examples/layouts/desk.json", EXAMPLE, "--multi-view"), "goes without"),
     ],
 )

@@ -20,6 +20,7 @@ _PUBLIC = {
     "load_object": "uniart_jax.objects.load",
     "Pipeline": "uniart_jax.pipeline",
     "load": "uniart_jax.pipeline",
+    "ask_command": "uniart_jax.inference.ask_layout",
     "Trainer": "uniart_jax.stages",
     "keep_programs": "uniart_jax.runtime.compilation_cache",
 }

@@ -15,7 +15,7 @@ import dataclasses
 import functools
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal, TypedDict, Unpack
+from typing import Any, Literal, Unpack
 
 import jax
 import numpy as np
@@ -32,11 +32,13 @@ from uniart_jax.data.images import crop, read_image
 from uniart_jax.data.layout_renders import render_layout
 from uniart_jax.export.picture_colors import Picture
 from uniart_jax.export.size import typical_scale
-from uniart_jax.export.words import moving_words
+from uniart_jax.inference.ask_layout import Ask, ask_layout
+from uniart_jax.inference.camera_fit import with_camera
 from uniart_jax.inference.layouts import LayoutPredictor
 from uniart_jax.inference.masks import MaskPredictor, load_mask_predictor
 from uniart_jax.inference.mirror_average import encode_views, find_grid, find_voxels
 from uniart_jax.inference.networks import Networks
+from uniart_jax.inference.sample import Sample, SamplingOptions
 from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.models.network import build
 from uniart_jax.objects.object import ArticulatedObject, bounds_at
@@ -49,54 +51,6 @@ from uniart_jax.voxels.part_table import THRESHOLD
 from uniart_jax.voxels.read_layout import read_layout
 from uniart_jax.voxels.typed_batches import Condition
 from uniart_jax.voxels.usual_boards import with_usual_boards
-
-
-class SamplingOptions(TypedDict, total=False):
-    """Fields of ``config.SampleConfig`` to sample with; None, or absent: as the checkpoint has
-    them. ``structure``, ``latent``: of one flow alone, by name, before those of both."""
-
-    steps: int | None
-    guidance: float | None
-    guidance_interval: tuple[float, float] | None
-    rescale_t: float | None
-    solver: Literal["euler", "heun"] | None
-    adaptive: bool | None
-    tolerance: float | None
-    mirrored: bool | None
-    structure: Mapping[str, Any] | None
-    latent: Mapping[str, Any] | None
-
-
-@dataclasses.dataclass(frozen=True)
-class Sample:
-    """A sampled object and how. ``picture``: the (first) image with the camera that was estimated
-    for it. Of both flows ("structure", "latent") the options, the velocities that were asked for
-    (with guidance each is one call of the network on twice the batch) and the adaptive steps whose
-    error was above the tolerance (``flow.solvers.Solution``). ``background``: how the object was
-    cut out of each image (``data.background``); ``cut``: each image so cut out, [H, W, 4] uint8.
-    ``layout``: what it follows, if anything."""
-
-    obj: ArticulatedObject
-    options: dict[str, SampleConfig]
-    evaluations: dict[str, int]
-    forced: dict[str, int]
-    picture: Picture | None = None
-    background: tuple[str, ...] = ()
-    cut: tuple[np.ndarray, ...] = ()
-    layout: Layout | None = None
-
-    def __repr__(self) -> str:
-        asked = ", ".join(f"{flow} {number}" for flow, number in self.evaluations.items())
-        lines = [f"Sample({self.kind}: {moving_words(self.obj)}", repr(self.obj)]
-        lines += [f"network evaluations: {asked}"] if asked else []
-        lines += [f"cut out by: {', '.join(self.background)}"] if self.background else []
-        lines += ["follows no layout" if self.layout is None else f"follows {self.layout!r}"]
-        return "\n  ".join(lines) + ")"
-
-    @property
-    def kind(self) -> Kind:
-        """The kind of thing that its parts are likest to."""
-        return kind_of(self.layout or Layout.of_object(self.obj))
 
 
 class Pipeline(Networks):
@@ -166,9 +120,10 @@ class Pipeline(Networks):
           seed: same seed, same object, on the same number of cores of the same kind (elsewhere
             sums are rounded in another order: meshes differ a little, and textures are laid out
             otherwise). Flows that take one step give their mean, whatever the seed.
-          layout: parts, joints and tree that the object follows (``voxels.follow``): a layout in
-            the image's frame and state; True = what the checkpoint's layout network finds in the
-            (first) image, where it has one; False = they are read off the voxels.
+          layout: parts, joints and tree that the object follows (``voxels.follow``), at the state
+            that the image shows, its camera found where it has none (``inference.camera_fit``);
+            True = what the layout network finds in the (first) image, where there is one; False =
+            they are read off the voxels.
           background: how the object is cut out of the image (``data.background.cut_out``).
           progress: called with the name of each step.
           steps, guidance, guidance_interval, rescale_t, solver, adaptive, tolerance, mirrored: of
@@ -200,8 +155,8 @@ class Pipeline(Networks):
             image, camera = render_layout(told)
             layout = dataclasses.replace(with_usual_boards(told, side or 1.0), camera=camera)
             background = "keep"
-        elif isinstance(layout, Layout) and layout.metres:
-            raise ValueError("layout: lengths in metres go without an image; give object units")
+        elif isinstance(layout, Layout):
+            layout, side = layout.normalized() if layout.metres else (layout, layout.size)
         single = isinstance(image, (str, Path, np.ndarray))
         views: list[Any] = [image] if single else list(image)
         if not views:
@@ -223,7 +178,7 @@ class Pipeline(Networks):
         cut = [self.cut_out(view, background) for view in views]
         shown = [picture for picture, _ in cut]
         pixels = np.stack([self._crop(view) for view in shown])
-        found = self._layout_or_none(shown[0]) if layout is True else layout or None
+        found = self._followed(layout, shown[0])
         conditions = encode_views(self, pixels, found, structure_options, latent_options)
         keys = jax.random.split(jax.random.key(seed))
         progress("structure")
@@ -282,11 +237,45 @@ class Pipeline(Networks):
             )
         return self._predict_layout(self.cut_out(image)[0], threshold)
 
+    def ask_layout(
+        self,
+        image: str | Path | np.ndarray,
+        ask: Ask,
+        background: Background = "auto",
+        say: Callable[[str], None] = lambda problem: None,
+    ) -> Layout:
+        """The object's parts as a vision-language model tells them (``inference.ask_layout``), for
+        ``pipeline(image, layout=…)``.
+
+        Args:
+          ask: prompt and a picture's path -> answer; ``uniart_jax.ask_command`` makes one of a
+            program. say: called with what is wrong with an answer, before it is asked again.
+
+        Raises:
+          FileNotFoundError, ValueError: the image cannot be used, or no answer is a layout. What
+            ``ask`` raises.
+        """
+        cut = self.cut_out(image, background)[0]
+        margin = self.config.model.image_encoder.crop_margin
+        return ask_layout(cut, ask, self._camera_or_none(cut), margin, say)
+
     def layout_or_none(
         self, image: str | Path | np.ndarray, background: Background = "auto"
     ) -> Layout | None:
         """``layout`` of an image; None where the checkpoint has no layout network."""
         return self._layout_or_none(self.cut_out(image, background)[0])
+
+    def _followed(self, layout: Layout | bool, cut_out: np.ndarray) -> Layout | None:
+        if not isinstance(layout, Layout):
+            return self._layout_or_none(cut_out) if layout else None
+        if layout.camera is not None:
+            return layout
+        margin = self.config.model.image_encoder.crop_margin
+        return with_camera(layout, cut_out, self._camera_or_none(cut_out), margin)
+
+    def _camera_or_none(self, cut_out: np.ndarray) -> np.ndarray | None:
+        found = self._layout_or_none(cut_out)
+        return None if found is None else found.camera
 
     def _layout_or_none(self, cut_out: np.ndarray) -> Layout | None:
         there = self.checkpoint is not None and self.checkpoint.has("layout")

@@ -54,6 +54,32 @@ def test_writes_tables_and_pictures(tmp_path, image, checkpoint, capsys):
     assert len(json.loads((out / "thing.json").read_text())["parts"]) == 6
 
 
+def test_a_vision_language_model_is_asked(tmp_path, image, checkpoint, capsys):
+    answer = {
+        "view": {"azimuth": 20, "elevation": 30},
+        "parts": [
+            {"name": "case", "parent": None, "box": {"center": [0, 0, 0], "size": [0.3, 0.2, 0.4]}},
+            {
+                "name": "flap",
+                "parent": "case",
+                "box": {"center": [-0.16, 0, 0], "size": [0.02, 0.2, 0.4]},
+                "joint": {"origin": [-0.15, 0.1, 0], "direction": [0, 0, -1], "angle": [0, 1.5]},
+            },
+        ],
+    }
+    (tmp_path / "answer.json").write_text(json.dumps(answer))
+    out, told = tmp_path / "out", f"cat {tmp_path / 'answer.json'}"
+    layout((image,), out=out, checkpoint=str(checkpoint), ask=told)
+    found = Layout.from_json((out / "thing.json").read_text())
+    assert found.names == ("case", "flap") and found.camera.shape == (7,)
+    assert found.size == pytest.approx(0.4)
+    said = capsys.readouterr().err
+    assert f"thing: asking '{told}'" in said and "thing: 2 parts, 1 of them move" in said
+    with pytest.raises(ValueError, match="ask: 'false' ended with 1"):
+        layout((image,), out=tmp_path / "no", checkpoint=str(checkpoint), ask="false")
+    assert not (tmp_path / "no").exists()
+
+
 def test_refusals_leave_nothing(tmp_path, image, checkpoint):
     out = tmp_path / "out"
     with pytest.raises(FileNotFoundError, match="no such file"):

@@ -122,6 +122,41 @@ def test_command_writes_figures_and_pictures(tmp_path, tests):
         judging.evaluate_layout("nano", tmp_path / "more", count=3, pred=folder)
 
 
+def test_layouts_in_metres_and_rows_that_are_fixed_are_judged_as_objects_have_them(tmp_path):
+    test = held_out(0, image_size=32, resolution=16)
+    true = Layout.of_object(test.obj)
+    rows, root = json.loads(true.to_json()), true.parents.index(-1)
+    own = rows["parts"][root]["box"]
+    center, (x, y, z) = np.array(own["center"]), own["size"]
+    foot = {"center": (center - [0, 0, 0.375 * z]).tolist(), "size": [x, y, z / 4]}
+    own |= {"center": (center + [0, 0, z / 8]).tolist(), "size": [x, y, 0.75 * z]}
+    rows["parts"].append({"name": "foot", "parent": root, "box": foot})
+    split = Layout.from_json(json.dumps(rows))
+    np.testing.assert_allclose(judging.without_fixed(split).boxes, true.boxes, atol=1e-5)
+    assert judging.without_fixed(true).parents == true.parents
+    (tmp_path / "pred").mkdir()
+    metres = dataclasses.replace(split.moved(np.array([0.2, 0, 0.1]), 2.0), metres=True)
+    (tmp_path / "pred/0.json").write_text(metres.to_json())
+    found = judging.evaluate_layout("nano", tmp_path / "out", count=1, pred=tmp_path / "pred")
+    assert found["all"]["parts_right"] == found["all"]["count"] == found["all"]["tree"] == 1
+
+
+def test_a_vision_language_model_is_judged(tmp_path, capsys):
+    (tmp_path / "told").mkdir()
+    test = held_out(0, image_size=32, resolution=16)
+    (tmp_path / "told/0.json").write_text(Layout.of_object(test.obj).to_json())
+    ask = f"sh -c 'cat {tmp_path}/told/$(basename {{image}} .png).json'"
+    found = judging.evaluate_layout("nano", tmp_path / "out", count=1, ask=ask, predictor=Box())
+    assert found["all"]["parts_right"] == 1
+    kept = json.loads((tmp_path / "out/metrics.json").read_text())
+    assert kept["settings"]["ask"] == ask
+    found = judging.evaluate_layout("nano", tmp_path / "two", count=1, ask="false", predictor=Box())
+    assert found["all"]["parts_right"] == 0
+    assert "object 0: ask: 'false' ended with 1" in capsys.readouterr().err
+    with pytest.raises(ValueError, match="give --pred or --ask, not both"):
+        judging.evaluate_layout("nano", tmp_path, pred=tmp_path, ask="false")
+
+
 def test_families_are_drawn_by_name(tmp_path):
     found = judging.evaluate_layout(
         "nano", tmp_path / "out", count=3, families=("kettle", "jar"), first_seed=900_500,

@@ -129,7 +129,7 @@ def test_round_parts_have_the_layouts_outlines():
     ).gather()
     boxes = np.array([box_of(*ends[0]), [0, 0, 0.3, 0.01, 0.01, 0.01], box_of(*ends[1])])
     slide = Joint(np.zeros(3), (0.0, 0, 1), travel=(0.0, 0.1))
-    outlines = Revolution(2, np.array([0.3, 0.3]), np.array([0.1])), None
+    outlines = Revolution(2, np.array([0.3, 0.3]), np.array([0.1]), estimate=True), None
     outlines += (Revolution(2, np.zeros(2), np.array([0.2, 0.15])),)
     plain = Layout(
         boxes, (Joint.fixed(), slide, slide), (-1, 0, 0), np.full((3, 3), 0.5), np.ones(3)

@@ -15,6 +15,7 @@ from uniart_jax.voxels.revolution_table import (
     revolution_to_json,
 )
 
+BOX = np.array([0, 0, 0, 0.2, 0.2, 0.2])
 ROUND = Revolution(1, np.array([0.1, -0.2]), np.linspace(0.1, 0.2, RADII))
 
 
@@ -81,8 +82,8 @@ def test_json_round_trip_with_the_layout(layout_of_two):
 def test_json_tells_an_estimate_from_an_outline_to_follow():
     assert "estimate" not in revolution_to_json(ROUND)
     told = revolution_to_json(read_revolution(outputs(), 1))
-    assert revolution_from_json(told, "part 1").estimate
-    assert not revolution_from_json(told | {"estimate": False}, "part 1").estimate
+    assert revolution_from_json(told, "part 1", BOX).estimate
+    assert not revolution_from_json(told | {"estimate": False}, "part 1", BOX).estimate
 
 
 @pytest.fixture
@@ -109,7 +110,7 @@ def layout_of_two():
 )
 def test_bad_ones_are_refused_in_one_line(change, words):
     with pytest.raises(ValueError, match="part 3: revolution: ") as caught:
-        revolution_from_json(revolution_to_json(ROUND) | change, "part 3")
+        revolution_from_json(revolution_to_json(ROUND) | change, "part 3", BOX)
     assert words in str(caught.value) and "\n" not in str(caught.value)
     with pytest.raises(ValueError, match="give an object"):
-        revolution_from_json([1], "part 3")
+        revolution_from_json([1], "part 3", BOX)

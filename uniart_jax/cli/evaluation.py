@@ -36,6 +36,7 @@ def evaluate(
     library: Path | None = None,
     pictures: int | None = None,
     pred: Path | None = None,
+    ask: str | None = None,
     cache: Path | None = None,
     unseen: bool = False,
     families: tuple[str, ...] = (),
@@ -75,6 +76,8 @@ def evaluate(
         library: baselines: a folder of assets to retrieve from (PartNet-Mobility's, any URDFs).
         pictures: procedural: how many objects are drawn (default 16).
         pred: layout: a folder of layouts <index>.json instead of a checkpoint's.
+        ask: layout: a command that asks a vision-language model, as of `uniart layout`; it is shown
+          <index>.png, and its answers count instead of the checkpoint's layouts.
         cache: layout ROOT: where the assets' pictures are kept for the next run (default
           OUT/objects).
         unseen: The families that are never trained on, instead of the trained ones.
@@ -266,7 +269,7 @@ USES = {
     "procedural": _Use(_procedural, ("checkpoint", "count", "records", "pictures", *HELD_OUT)),
     "layout": _Use(
         _layout,
-        ("checkpoint", "count", "pred", "backgrounds", "cache", "allow_outside", *HELD_OUT),
+        ("checkpoint", "count", "pred", "ask", "backgrounds", "cache", "allow_outside", *HELD_OUT),
         with_folder=("cache", "allow_outside"),
         without_folder=HELD_OUT,
     ),

@@ -10,7 +10,7 @@ from typing import Annotated
 import tyro
 
 from uniart_jax.cli.arguments import CutOut, Out, Overwrite
-from uniart_jax.runtime.progress import messages
+from uniart_jax.runtime.progress import messages, working
 
 MARKS = ("layouts.json",)  # what an output folder of this command holds
 
@@ -22,6 +22,7 @@ def layout(
     checkpoint: str = "nano",
     threshold: float = 0.4,  # voxels.part_table.THRESHOLD
     background: CutOut = "auto",
+    ask: str | None = None,
     overwrite: Overwrite = False,
 ) -> None:
     """Find an object's parts in each image: OUT/<stem>.json and OUT/<stem>.png, boxes, axes and
@@ -33,6 +34,8 @@ def layout(
         checkpoint: "nano" (shipped), a folder written by training, or a training WORKDIR; with a
           layout network.
         threshold: Least confidence of a part that is kept, in 0..1.
+        ask: A command that shows {image} to a vision-language model, the prompt on its standard
+          input or in {prompt}, and prints the answer: parts come from it (docs/layouts.md).
     """
     if not images:
         raise ValueError("layout: give at least one image file")
@@ -45,11 +48,13 @@ def layout(
     from uniart_jax.data.background import cut_out
     from uniart_jax.data.images import crop, read_image
     from uniart_jax.export.folder import check_target, complete_folder
+    from uniart_jax.inference.ask_layout import ask_command, ask_layout
     from uniart_jax.inference.masks import load_mask_predictor
     from uniart_jax.models.checkpoint import Checkpoint
     from uniart_jax.runtime.compilation_cache import enable_compilation_cache
 
     check_target(out, overwrite, images, MARKS)
+    model = None if ask is None else ask_command(ask)
     enable_compilation_cache()
     weights = Checkpoint.find(checkpoint)
     network = functools.cache(lambda: load_mask_predictor(weights))
@@ -66,6 +71,12 @@ def layout(
         size, margin = predictor.image_size, predictor.crop_margin
         crops = [crop(picture, size, margin) for picture in pictures]
         layouts = [read_layout(found, threshold) for found in predictor(crops)]
+    for k, stem in enumerate(stems):
+        if model is None:
+            break
+        with working(console, f"{stem}: asking '{ask}'") as say:
+            wrong = lambda problem, stem=stem: say(f"{stem}: asking again: {problem}")  # noqa: E731
+            layouts[k] = ask_layout(pictures[k], model, layouts[k].camera, margin, wrong)
     with complete_folder(out, overwrite, MARKS) as folder:
         (folder / MARKS[0]).write_text(json.dumps(stems) + "\n")
         for stem, cut, found in zip(stems, crops, layouts, strict=True):

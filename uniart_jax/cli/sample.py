@@ -46,6 +46,7 @@ def sample(
     multi_view: bool = False,
     layout: Path | None = None,
     follow: bool = True,
+    ask: str | None = None,
     background: CutOut = "auto",
     texture: Literal["both", "network"] = "both",
     output: Output = AS_USUAL,
@@ -79,6 +80,9 @@ def sample(
           follows, instead of what is found in the image.
         follow: Follow a layout, where the checkpoint finds one; else parts and joints are read off
           the voxels.
+        ask: A command that shows {image} to a vision-language model, with the prompt on its
+          standard input or in {prompt}, and prints the answer, as "llm -a {image}": the object
+          follows the parts that it tells (docs/layouts.md).
         texture: Colours: "both" takes what the picture shows from the picture, and the rest as it
           is likely to be by what is seen and by the decoder; "network" all from the decoder.
         refine: Draw in limits and shift axes a little where a joint runs into the object
@@ -104,15 +108,20 @@ def sample(
     if tolerance is not None and not least <= tolerance <= most:
         raise ValueError(f"sample: --tolerance must be in {least:g}..{most:g}, got {tolerance:g}")
     given = _layout(layout, follow, len(images) == 1 or multi_view)
+    if ask is not None and (layout is not None or not follow):
+        raise ValueError("sample: --ask goes without --layout and --no-follow")
     tables = {path: _table(path) for path in images if path.suffix.lower() == ".json"}
-    if tables and (multi_view or layout is not None or not follow):
+    if tables and (multi_view or layout is not None or not follow or ask is not None):
         raise ValueError(
-            "sample: a layout without an image goes without --multi-view, --layout and --no-follow"
+            "sample: a layout without an image goes without --multi-view, --layout, --no-follow "
+            "and --ask"
         )
     asset = output.parsed()
     from uniart_jax.data.background import check_background
     from uniart_jax.data.images import check_visible, read_image
+    from uniart_jax.inference.ask_layout import ask_command
 
+    model = None if ask is None else ask_command(ask)
     # all inputs are checked before any work
     pictures = {path: read_image(path) for path in images if path not in tables}
     for path, picture in pictures.items():
@@ -142,16 +151,21 @@ def sample(
         wanted, failed = len(groups) * num_samples, []
         for g, (name, views) in enumerate(groups):
             drawn: dict[int, Sample] = {}
+            answers: dict[str, Any] = {}  # one for all samples of an image
             for i in range(num_samples):
                 if num_samples > 1:
                     say(f"{name}: sample {i + 1} of {num_samples}")
                 with _noted(failed, name, seed + i, wanted):
                     table = tables.get(views[0])
+                    if model is not None and name not in answers:
+                        say(f"{name}: asking '{ask}'")
+                        wrong = functools.partial(_asked_again, say, name)
+                        answers[name] = pipeline.ask_layout(views[0], model, background, wrong)
                     drawn[i] = pipeline.sample(
                         views if table is None else None,
                         seed=seed + i,
                         name=views[0].stem,
-                        layout=given if table is None else table,
+                        layout=answers.get(name, given) if table is None else table,
                         background=background,
                         progress=lambda step, name=name: say(f"{name}: {step}"),
                         **changes,
@@ -191,6 +205,10 @@ def sample(
     return 1 if failed else 0
 
 
+def _asked_again(say: Callable[[str], None], name: str, problem: str) -> None:
+    say(f"{name}: asking again: {problem}")
+
+
 def _mend(*given: Any) -> Any:
     from uniart_jax.simulation.refine import mend
 
@@ -212,10 +230,7 @@ def _layout(path: Path | None, follow: bool, single: bool) -> Any:
         return follow
     if not follow or not single:
         raise ValueError("sample: --layout is of one image, and goes without --no-follow")
-    table = _table(path)
-    if table.metres:
-        raise ValueError(f"layout '{path}': lengths in metres go without an image")
-    return table
+    return _table(path)
 
 
 def _table(path: Path) -> Any:

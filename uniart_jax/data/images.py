@@ -143,28 +143,35 @@ def _extent(alpha: np.ndarray) -> tuple[int, int, int, int]:
     return int(rows[0]), int(rows[-1]) + 1, int(columns[0]), int(columns[-1]) + 1
 
 
-def crop(rgba: np.ndarray, size: int, margin: float = MARGIN) -> np.ndarray:
+def crop(rgba: np.ndarray, size: int, margin: float = MARGIN, background: int = 0) -> np.ndarray:
     """Square crop around the foreground, ``margin`` times its longer side, resampled.
 
     Args:
       rgba: [H, W, 4] uint8 straight alpha.
-      size: side of the result, pixels.
+      size: side of the result, pixels. background: gray level behind the object; networks see it
+        on black (colour times alpha, as TRELLIS).
 
     Returns:
-      [size, size, 3] uint8 sRGB on black (colour times alpha, as TRELLIS).
+      [size, size, 3] uint8 sRGB.
     """
     top, bottom, left, right = _extent(rgba[..., 3])
     half = max(bottom - top, right - left) / 2 * margin
     object_only = Image.fromarray(np.ascontiguousarray(rgba[top:bottom, left:right]))
-    black = Image.new("RGB", object_only.size)
-    image = Image.composite(object_only.convert("RGB"), black, object_only.getchannel("A"))
+    behind = Image.new("RGB", object_only.size, (background,) * 3)
+    image = Image.composite(object_only.convert("RGB"), behind, object_only.getchannel("A"))
     # a long or huge image is shrunk before it is padded to a square
     factor = max(1, int(2 * half / (MAX_CANVAS * size)))
     if factor > 1:
         image, half = image.reduce(factor), half / factor
     cy, cx = image.height / 2, image.width / 2
     pad = int(np.ceil(half)) + 1
-    canvas = ImageOps.expand(image, border=pad, fill=0)
+    canvas = ImageOps.expand(image, border=pad, fill=(background,) * 3)
     box = (cx - half + pad, cy - half + pad, cx + half + pad, cy + half + pad)
     resampled = canvas.resize((size, size), Image.Resampling.LANCZOS, box=box, reducing_gap=3.0)
     return np.asarray(resampled)
+
+
+def crop_mask(rgba: np.ndarray, size: int, margin: float = MARGIN) -> np.ndarray:
+    """[size, size] uint8 opacity in ``crop``'s square."""
+    white = np.dstack([np.full_like(rgba[..., :3], 255), rgba[..., 3]])
+    return crop(white, size, margin)[..., 0]

@@ -25,7 +25,7 @@ import numpy as np
 from uniart_jax import procedural
 from uniart_jax.config import DataConfig, ModelConfig
 from uniart_jax.data.cameras import camera_codes
-from uniart_jax.data.images import crop
+from uniart_jax.data.images import crop, crop_mask
 from uniart_jax.data.legs import legs_of
 from uniart_jax.data.panels import boards_of, panels_of
 from uniart_jax.data.revolutions import revolutions_of
@@ -127,9 +127,8 @@ def take_picture(
     picture = render(obj, camera, size=round(scale * size), samples=samples)
     picture = np.round(picture * 255).astype(np.uint8)
     row = [[camera.azimuth, camera.elevation, camera.fov_degrees, camera.distance]]
-    white = np.dstack([np.full_like(picture[..., :3], 255), picture[..., 3]])
     code = camera_codes(np.array(row), picture[None])[0]
-    return crop(picture, size), crop(white, size)[..., 0], code
+    return crop(picture, size), crop_mask(picture, size), code
 
 
 def make_item(

@@ -13,6 +13,7 @@ that are seen and of those that are hidden, and of objects without and with hidd
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -28,6 +29,7 @@ from uniart_jax.evaluation.procedural import HeldOut, check_first_seed, held_out
 from uniart_jax.evaluation.real import RealObject, real_objects
 from uniart_jax.evaluation.runner import run, write_metrics
 from uniart_jax.evaluation.summary import LEVEL, RESAMPLES, SEED
+from uniart_jax.inference.ask_layout import ask_command, ask_layout
 from uniart_jax.inference.layouts import load_layout_predictor
 from uniart_jax.inference.masks import load_mask_predictor
 from uniart_jax.models.checkpoint import Checkpoint
@@ -35,6 +37,7 @@ from uniart_jax.objects.thresholds import FOUND
 from uniart_jax.procedural import HELD_OUT_SEED
 from uniart_jax.runtime.progress import messages, track
 from uniart_jax.visual.layout_picture import contact_sheet, draw_layout
+from uniart_jax.voxels.joint_code import box_corners
 from uniart_jax.voxels.layout import Layout
 from uniart_jax.voxels.read_layout import read_layout
 
@@ -150,6 +153,7 @@ def evaluate_layout(
     families: tuple[str, ...] = (),
     first_seed: int | None = None,
     pred: Path | None = None,
+    ask: str | None = None,
     cache: Path | None = None,
     allow_outside: bool = False,
     processes: int = 1,
@@ -162,13 +166,16 @@ def evaluate_layout(
     Args:
       out: gets metrics.json and layouts.png. count: objects (default ``COUNT`` held-out ones, or
         all assets). families: of the held-out ones, in turn, in place of a split's.
-      first_seed: of the first of them (default ``HELD_OUT_SEED``).
+      first_seed: of the first of them (default ``HELD_OUT_SEED``). ask: a command that asks a
+        vision-language model (``inference.ask_layout``), shown <index>.png.
       cache: keeps the assets' pictures (default OUT/objects).
       backgrounds: each object stands in front of a random background, and is cut out of it as a
         photograph is (``evaluation.photographed``). predictor: in place of the
         checkpoint's
         (``inference.layouts.LayoutPredictor``).
     """
+    if pred is not None and ask is not None:
+        raise ValueError("evaluate layout: give --pred or --ask, not both")
     if pred is not None and backgrounds:
         raise ValueError(
             "evaluate layout: it takes no --backgrounds with --pred, which looks at none"
@@ -221,6 +228,9 @@ def evaluate_layout(
     else:
         assert predictor is not None  # given, or the checkpoint's
         layouts = [read_layout(found) for found in predictor(crops)]
+    if ask is not None:
+        layouts = _asked(ask, seen, layouts, margin)
+        settings["ask"] = ask
     found = judge(layouts, tests)
     if root is not None:
         found["objects"] = [t.name for t in tests]
@@ -238,7 +248,47 @@ def _read(path: Path) -> Layout:
         raise FileNotFoundError(
             f"evaluate layout: no '{path}'; give one <index>.json for each object"
         )
-    return Layout.from_json(path.read_text())
+    layout = Layout.from_json(path.read_text())
+    return without_fixed(layout.normalized()[0] if layout.metres else layout)
+
+
+def without_fixed(layout: Layout) -> Layout:
+    """A layout in which rows that are fixed to others are one with them, as true objects have it: a
+    box around both."""
+    corners, parents = box_corners(layout.boxes), list(layout.parents)
+    fixed = {
+        k for k, joint in enumerate(layout.joints) if parents[k] >= 0 and joint.type == "fixed"
+    }
+
+    def carrier(k: int) -> int:
+        return carrier(parents[k]) if k in fixed else k
+
+    for k in fixed:
+        up = carrier(k)
+        corners[up, :3] = np.minimum(corners[up, :3], corners[k, :3])
+        corners[up, 3:] = np.maximum(corners[up, 3:], corners[k, 3:])
+    boxes = np.concatenate(
+        [(corners[:, :3] + corners[:, 3:]) / 2, corners[:, 3:] - corners[:, :3]], 1
+    )
+    parents = [parent if parent < 0 else carrier(parent) for parent in parents]
+    merged = dataclasses.replace(layout, boxes=boxes, parents=tuple(parents))
+    return merged.taken([k for k in range(len(layout)) if k not in fixed])
+
+
+def _asked(
+    line: str, pictures: Sequence[np.ndarray], found: Sequence[Layout], margin: float
+) -> list[Layout]:
+    """What a vision-language model tells of each picture [H, W, 4]; ``found``: the network's, whose
+    cameras are guesses, and whose layout counts where no answer is one."""
+    ask, layouts = ask_command(line), []
+    for i in track(range(len(pictures)), "answers", len(pictures)):
+        try:
+            told = ask_layout(pictures[i], ask, found[i].camera, margin, name=str(i))
+        except ValueError as error:
+            console.print(f"object {i}: {error}; the network's layout counts", markup=False)
+            told = found[i]
+        layouts.append(without_fixed(told))
+    return layouts
 
 
 def table(found: dict[str, Any]) -> Table:

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from uniart_jax.data.background import FindMask, Way, cut_out
-from uniart_jax.data.images import MARGIN, crop
+from uniart_jax.data.images import MARGIN, crop, crop_mask
 from uniart_jax.data.scenes import OTHERS, scene
 from uniart_jax.evaluation.procedural import HeldOut
 from uniart_jax.evaluation.real import RealObject
@@ -58,5 +58,4 @@ def overlap(found: np.ndarray, true: np.ndarray) -> float:
 
 
 def _crop(rgba: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    white = np.dstack([np.full_like(rgba[..., :3], 255), rgba[..., 3]])
-    return crop(rgba, CROP), crop(white, CROP)[..., 0]
+    return crop(rgba, CROP), crop_mask(rgba, CROP)

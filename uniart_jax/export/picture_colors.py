@@ -20,7 +20,7 @@ from embreex.rtcore_scene import EmbreeScene
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from uniart_jax.data.images import MARGIN, crop
+from uniart_jax.data.images import MARGIN, crop, crop_mask
 from uniart_jax.export.hidden_colors import Places, hidden_colors, with_normals
 from uniart_jax.export.plate_backs import even_backs
 from uniart_jax.objects.appearance import linear_to_srgb, srgb_to_linear
@@ -70,8 +70,7 @@ class Picture:
         rgba: np.ndarray, camera: np.ndarray, margin: float = MARGIN, size: int = SIZE
     ) -> Picture:
         """Of an image [H, W, 4] uint8 with the object cut out (``data.background.cut_out``)."""
-        white = np.dstack([np.full_like(rgba[..., :3], 255), rgba[..., 3]])
-        alpha = crop(white, size, margin)[..., 0] / 255
+        alpha = crop_mask(rgba, size, margin) / 255
         color = srgb_to_linear(crop(rgba, size, margin) / 255)
         depth = np.asarray(ndimage.distance_transform_edt(alpha > 0.9)) / size
         return Picture(color, depth, np.asarray(camera, np.float64))

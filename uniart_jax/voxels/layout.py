@@ -8,13 +8,16 @@ units, of the frame that it names, or in metres, anywhere, where there is no pic
      "units": "object" (if left out) or "m",
      "camera": [7] code (``voxels.camera_code``) of the picture that is sampled from, or null,
      "certainty": expected share of moving parts that is right (``inference.certainty``), or null,
+     "size": metres of the longest side, where units are "object", or null,
      "parts": [{"name", "parent": row, or its name, or null, "box": {"center": [3], "size": [3]},
-                "color": [3], "confidence",
-                "joint": {"type", "origin": [3], "direction": [3], "angle": [2], "travel": [2]},
+                "color": [3], "confidence", "shape": "box" of one that fills its box,
+                "joint": {"type", "origin": [3], "direction": [3], "angle": [2], "travel": [2],
+                    "shown": angle or travel in the picture, where box and joint are told at 0},
                 "boards": null or as "panels", of the part,
                 "revolution": null or {"axis": "x", "y" or "z" that it is round about, "center": [2]
-                    of that axis, coordinates of the other two in order, "radii": [N] at the middles
-                    of N equal layers of its box, from the lower end on, "estimate": true where
+                    of that axis, coordinates of the other two in order (left out: the box's
+                    middle), "radii": [N] at the middles of N equal layers of its box, from the
+                    lower end on (left out: a cylinder), "estimate": true where
                     voxels may correct large radii and the middle; else, or left out, the outline
                     is followed as it is}}],
      "legs": null or {"alone": bool, "rows": [{"lower": [x0, y0, x1, y1] of its lower end, "upper":
@@ -65,17 +68,28 @@ from uniart_jax.voxels.json_rows import (
 )
 from uniart_jax.voxels.leg_table import Legs, legs_from_json, legs_to_json
 from uniart_jax.voxels.panel_table import Panels, panels_from_json, panels_to_json
-from uniart_jax.voxels.part_rows import ENTRIES, check_tree, part_box, part_joint, part_name
+from uniart_jax.voxels.part_rows import (
+    ENTRIES,
+    check_tree,
+    part_boards,
+    part_box,
+    part_joint,
+    part_name,
+    part_shown,
+)
 from uniart_jax.voxels.part_table import SMALLEST_SIDE
 from uniart_jax.voxels.revolution_table import (
     Revolution,
     revolution_from_json,
     revolution_to_json,
 )
+from uniart_jax.voxels.shown_state import at_shown, moved_boards, moved_revolution
 
 SCHEMA = 1
 FRAME = "object: z up, front at -x, shown state, longest side 1, centred"
-WHOLE = ("schema", "frame", "units", "camera", "certainty", "parts", "legs", "panels")
+WHOLE = (
+    "schema", "frame", "units", "camera", "certainty", "size", "parts", "legs", "panels"
+)  # fmt: skip
 SIZES = (0.01, 20.0)  # metres of the longest side
 ROOT = -1  # name of the virtual root
 
@@ -93,7 +107,8 @@ class Layout:
         each part is built of, revolutions: the outlines of parts that are round about an axis; each
         empty, or K, None where that is not known.
       certainty: expected share of the moving parts that is right, in 0..1, or None.
-      names: of the parts, empty or K; a network gives none. metres: lengths are metres.
+      names: of the parts, empty or K; a network gives none. metres: lengths are metres. size: of
+        one in object units, metres of the longest side, or None.
     """
 
     boxes: np.ndarray
@@ -109,6 +124,7 @@ class Layout:
     certainty: float | None = None
     names: tuple[str, ...] = ()
     metres: bool = False
+    size: float | None = None
 
     def __len__(self) -> int:
         return len(self.boxes)
@@ -162,7 +178,12 @@ class Layout:
         """
         low = (self.boxes[:, :3] - self.boxes[:, 3:] / 2).min(0)
         high = (self.boxes[:, :3] + self.boxes[:, 3:] / 2).max(0)
-        middle, side = (low + high) / 2, float((high - low).max())
+        side = float((high - low).max())
+        return self.moved((low + high) / 2, side), side
+
+    def moved(self, middle: np.ndarray, side: float) -> Layout:
+        """The layout whose point ``middle`` [3] is at 0 and whose length ``side`` is 1; without a
+        camera."""
         matrix = np.diag([1 / side] * 3 + [1.0])
         matrix[:3, 3] = -middle / side
 
@@ -181,7 +202,7 @@ class Layout:
             lower, upper = (legs.lower - across) / side, (legs.upper - across) / side
             heights = (legs.heights - middle[2]) / side
             legs = dataclasses.replace(legs, lower=lower, upper=upper, heights=heights)
-        moved = dataclasses.replace(
+        return dataclasses.replace(
             self,
             boxes=np.concatenate([self.boxes[:, :3] - middle, self.boxes[:, 3:]], 1) / side,
             joints=tuple(joint.transformed(matrix) for joint in self.joints),
@@ -192,7 +213,6 @@ class Layout:
             camera=None,
             metres=False,
         )
-        return moved, side
 
     def rows(self, most: int) -> dict[str, np.ndarray]:
         """Boxes, codes, parents (root: its own) and colours as ``voxels.part_table`` has them, of
@@ -263,7 +283,7 @@ class Layout:
         sure = None if self.certainty is None else round(float(self.certainty), 4)
         units = "m" if self.metres else "object"
         data: dict[str, Any] = {"schema": SCHEMA, "frame": FRAME, "units": units}
-        data |= {"camera": camera, "certainty": sure}
+        data |= {"camera": camera, "certainty": sure, "size": self.size and round(self.size, 4)}
         data["parts"] = rows
         data["legs"] = None if self.legs is None else legs_to_json(self.legs)
         data["panels"] = None if self.panels is None else panels_to_json(self.panels)
@@ -293,7 +313,7 @@ class Layout:
             raise ValueError('layout: "parts" must be a list of at least one part')
         far = FARTHEST if units == "m" else LIMIT
         boxes, joints, parents, colors, confidence = [], [], [], [], []
-        boards, revolutions, names = [], [], []
+        boards, revolutions, names, shown = [], [], [], []
         called = [
             isinstance(row, dict) and (row.get("name") or f"part_{k}") for k, row in enumerate(rows)
         ]
@@ -311,16 +331,25 @@ class Layout:
                 raise ValueError(f"{where}: parent {parent!r} is no row of the table, nor null")
             parents.append(ROOT if parent is None else parent)
             joints.append(part_joint(row, parent, boxes[k][:3], where))
+            shown.append(part_shown(row, joints[k], where))
             paint = json_numbers(row, "color", 3, where) if "color" in row else np.full(3, 0.6)
             colors.append(srgb_to_linear(np.clip(paint, 0, 1)))
             confidence.append(json_share(row.get("confidence", 1.0), f"{where}: confidence"))
-            boards.append(panels_from_json(row.get("boards"), f"part {k}: board", far))
-            revolutions.append(revolution_from_json(row.get("revolution"), where, far))
+            boards.append(part_boards(row, boxes[k], where, far))
+            revolutions.append(revolution_from_json(row.get("revolution"), where, boxes[k], far))
         check_tree(parents)
+        if any(shown):
+            boxes, joints, moves = at_shown(np.array(boxes), joints, parents, shown)
+            revolutions = [moved_revolution(*one) for one in zip(revolutions, moves, strict=True)]
+            boards = [moved_boards(*one) for one in zip(boards, moves, strict=True)]
         camera = data.get("camera")
         camera = None if camera is None else json_numbers(data, "camera", 7, "layout")
         if camera is not None and not np.any(camera[:2]):
             raise ValueError("layout: camera's first two numbers, sine and cosine, are both 0")
+        if (size := data.get("size")) is not None:
+            (size,) = json_numbers({"size": [size]}, "size", 1, "layout").tolist()
+            if units == "m" or not SIZES[0] <= size <= SIZES[1]:
+                raise ValueError(f'layout: size {size:g}; give metres, with units "object" alone')
         sure = data.get("certainty")
         made = Layout(
             np.array(boxes),
@@ -336,6 +365,7 @@ class Layout:
             None if sure is None else json_share(sure, "layout: certainty"),
             tuple(n or f"part_{k}" for k, n in enumerate(names)) if any(names) else (),
             units == "m",
+            size,
         )
         if made.metres and not SIZES[0] <= (side := made.normalized()[1]) <= SIZES[1]:
             least, most = SIZES

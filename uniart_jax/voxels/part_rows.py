@@ -9,13 +9,18 @@ import numpy as np
 
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.objects.names import clean
+from uniart_jax.voxels.joint_code import box_corners
 from uniart_jax.voxels.json_rows import FARTHEST, check_names, json_numbers, json_object
+from uniart_jax.voxels.panel_table import Panels, panels_from_json
 
-ENTRIES = ("name", "parent", "box", "color", "confidence", "joint", "boards", "revolution")
-OF_JOINTS = ("type", "origin", "direction", "angle", "travel")
+ENTRIES = (
+    "name", "parent", "box", "color", "confidence", "joint", "shape", "boards", "revolution"
+)  # fmt: skip
+OF_JOINTS = ("type", "origin", "direction", "angle", "travel", "shown")
 MADE_UP = re.compile(r"part_\d+")  # names that ``Layout.to_json`` counts out
 ROUNDED = 5e-4  # that a screw's travel may be off, of its angle's
-MOST_TURNS = 4 * np.pi + 0.01  # radians of a joint
+WRITTEN = 0.02  # radians that a whole turn may be off
+MOST_TURNS = 4 * np.pi + 0.1, 16 * np.pi  # radians of a hinge, and of a screw
 
 
 def part_name(name: Any, before: list[str | None], where: str) -> str | None:
@@ -39,6 +44,17 @@ def part_box(box: dict, units: str, where: str) -> np.ndarray:
     return np.concatenate([center, size])
 
 
+def part_boards(row: dict, box: np.ndarray, where: str, far: float) -> Panels | None:
+    """The boards of a part, which fills its box [6] where its shape is "box"."""
+    if (shape := row.get("shape")) is not None:
+        if shape != "box":
+            raise ValueError(f'{where}: shape {shape!r}; give "box", or leave it out')
+        if row.get("boards") is not None or row.get("revolution") is not None:
+            raise ValueError(f'{where}: shape "box" goes without boards and revolution')
+        return Panels(box_corners(box)[None], 1.0, estimate=False)
+    return panels_from_json(row.get("boards"), f"{where.removeprefix('layout: ')}: board", far)
+
+
 def part_joint(row: dict, parent: int | None, middle: np.ndarray, where: str) -> Joint:
     if parent is None or row.get("joint") is None:
         return Joint.fixed()
@@ -56,7 +72,9 @@ def part_joint(row: dict, parent: int | None, middle: np.ndarray, where: str) ->
         pitch = float(angle @ travel / (angle @ angle))
         rounded = np.abs(travel - pitch * angle).max() <= ROUNDED
         travel = pitch * angle if rounded else travel
-    if np.abs(angle).max() > MOST_TURNS:
+    if abs(abs(angle[1] - angle[0]) - 2 * np.pi) < WRITTEN and not travel.any():
+        angle[1] = angle[0] + np.copysign(2 * np.pi, angle[1] - angle[0])  # 6.28 was written
+    if np.abs(angle).max() > MOST_TURNS[int(travel.any())]:
         raise ValueError(f"{where}: angle {angle.tolist()} turns too far; give radians")
     direction = json_numbers(data, "direction", 3, where)
     length = float(np.linalg.norm(direction))
@@ -72,6 +90,21 @@ def part_joint(row: dict, parent: int | None, middle: np.ndarray, where: str) ->
         )
     except ValueError as error:
         raise ValueError(f"{where}: joint: {error}") from None
+
+
+def part_shown(row: dict, joint: Joint, where: str) -> float:
+    """Where the joint stands in the picture: 0, or what its entry "shown" says."""
+    told = row.get("joint") or {}
+    if joint.type == "fixed" or "shown" not in told:
+        return 0.0
+    (shown,) = json_numbers({"shown": [told["shown"]]}, "shown", 1, f"{where}: joint")
+    low, high = joint.limits
+    if joint.type == "continuous":
+        return float(np.remainder(shown + np.pi, 2 * np.pi) - np.pi)
+    if not low - 1e-6 <= shown <= high + 1e-6:
+        name = "angle" if joint.rotates else "travel"
+        raise ValueError(f"{where}: joint: shown {shown:g} is not within {name} {[low, high]}")
+    return float(np.clip(shown, low, high))
 
 
 def check_tree(parents: list[int]) -> None:

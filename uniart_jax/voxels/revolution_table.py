@@ -9,13 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from uniart_jax.voxels.json_rows import LIMIT, plain
+from uniart_jax.voxels.json_rows import LIMIT, check_names, plain
 
 RADII = 8  # of a part that is trained on, at the middles of as many equal layers
 SURE = 0.6  # least probability that a part is a solid of revolution
-SMALLEST = 0.002  # object units, of a radius
+SMALLEST = 0.002  # object units, of a network's radius
+LEAST = 1e-5  # of a radius that is told, in any units
 MOST_RADII = 256  # of JSON
 AXES = "xyz"
+ENTRIES = ("axis", "center", "radii", "estimate")
 ROW = 1 + 2 + RADII  # of ``revolution_rows``
 
 
@@ -85,9 +87,12 @@ def revolution_to_json(revolution: Revolution) -> dict[str, Any]:
     }
 
 
-def revolution_from_json(data: Any, where: str, far: float = LIMIT) -> Revolution | None:
-    """Read ``revolution_to_json``'s value; None is None. ``where``: of the part, in errors.
-    ``far``: that coordinates and radii may have.
+def revolution_from_json(
+    data: Any, where: str, box: np.ndarray, far: float = LIMIT
+) -> Revolution | None:
+    """Read ``revolution_to_json``'s value; None is None. Without ``center`` the axis goes through
+    the middle of the part's box [6], centre and size; without ``radii`` it is a cylinder as wide as
+    that. ``where``: of the part, in errors. ``far``: that coordinates and radii may have.
 
     Raises:
       ValueError: one line that names the part and the field.
@@ -96,17 +101,20 @@ def revolution_from_json(data: Any, where: str, far: float = LIMIT) -> Revolutio
         return None
     if not isinstance(data, dict) or data.get("axis") not in tuple(AXES):
         raise ValueError(f'{where}: revolution: give an object with "axis": "x", "y" or "z"')
-    center = _numbers(data.get("center"), -far, far)
+    check_names(data, ENTRIES, f"{where}: revolution")
+    axis = AXES.index(data["axis"])
+    middle, sides = np.delete(box[:3], axis), np.delete(box[3:], axis)
+    center = _numbers(data.get("center", middle.tolist()), -far, far)
     if center is None or len(center) != 2:
         raise ValueError(f"{where}: revolution: center must be 2 numbers in {-far:g}..{far:g}")
-    radii = _numbers(data.get("radii"), SMALLEST, far)
+    radii = _numbers(data.get("radii", [max(float(sides.min()) / 2, LEAST)]), LEAST, far)
     if radii is None or not 1 <= len(radii) <= MOST_RADII:
         raise ValueError(
-            f"{where}: revolution: radii must be 1 to {MOST_RADII} numbers in {SMALLEST:g}..{far:g}"
+            f"{where}: revolution: radii must be 1 to {MOST_RADII} numbers in {LEAST:g}..{far:g}"
         )
     if not isinstance(estimate := data.get("estimate", False), bool):
         raise ValueError(f"{where}: revolution: estimate must be true or false")
-    return Revolution(AXES.index(data["axis"]), center, radii, estimate)
+    return Revolution(axis, center, radii, estimate)
 
 
 def _numbers(values: Any, least: float, most: float) -> np.ndarray | None:

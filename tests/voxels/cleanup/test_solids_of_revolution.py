@@ -128,9 +128,10 @@ def test_feet_stay():
     )
     body = block((*CORNERS[0][:2], LOW + 8), CORNERS[1])
     field = field_of(np.minimum(body, feet))
-    solid = solid_of(turned(field, outline=revolution((9.0, *[16.0] * 3)))[0], 0)
+    found = dataclasses.replace(revolution((9.0, *[16.0] * 3)), estimate=True)
+    solid = solid_of(turned(field, outline=found)[0], 0)
     np.testing.assert_array_equal(solid[..., 14:19], solid_of(field, 0)[..., 14:19])
-    assert not solid[..., 23:][RHO[..., 23:] > 16.5].any()
+    assert not solid[..., 23:][RHO[..., 23:] > 20].any()
 
 
 def cylinder(radius):
@@ -185,12 +186,28 @@ def test_no_outline_goes_beyond_the_box():
     assert not solid[RHO > 17.5].any()
 
 
-@pytest.mark.parametrize("radii", [(3.0,), (6.0,)], ids=["too thin", "another shape"])
-def test_it_is_left_out_where_voxels_show_another_shape(radii):
+def test_an_estimate_is_left_out_where_voxels_show_another_shape():
     field = field_of(block(*CORNERS))
-    after, built = turned(field, outline=revolution(radii))
+    beside = Revolution(2, place_of([MIDDLE + 24, MIDDLE]), np.array([12.0]) / N, estimate=True)
+    after, built = turned(field, outline=beside)
     assert built == []
     assert_same(field, after)
+
+
+def test_one_that_is_too_thin_is_left_out():
+    field = field_of(block(*CORNERS))
+    after, built = turned(field, outline=revolution((3.0,)))
+    assert built == []
+    assert_same(field, after)
+
+
+def test_one_that_is_told_is_followed_whatever_voxels_show():
+    box = box_of((MIDDLE - 6, MIDDLE - 6, LOW), (MIDDLE + 6, MIDDLE + 6, HIGH))
+    after, built = turned(field_of(block(*CORNERS)), box=box, outline=revolution((6.0,)))
+    assert built == [0]
+    solid = solid_of(after, 0)
+    assert solid[(RHO < 6) & (RHO > 6 - WALL) & (AT[2] > LOW) & (AT[2] < HIGH)].all()
+    assert not solid[RHO > 6.5].any()
 
 
 SHARED = (24, 36)  # layers of body and lid

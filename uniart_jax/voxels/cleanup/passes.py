@@ -21,6 +21,7 @@ from uniart_jax.voxels.cleanup.rooms import with_clean_rooms
 from uniart_jax.voxels.cleanup.round_doors import round_doors, with_round_doors
 from uniart_jax.voxels.cleanup.solids_of_revolution import with_revolutions
 from uniart_jax.voxels.cleanup.straight_legs import with_whole_legs
+from uniart_jax.voxels.cleanup.told_boards import with_told_boards
 from uniart_jax.voxels.cleanup.trays import trays
 from uniart_jax.voxels.cleanup.walls import with_whole_walls
 from uniart_jax.voxels.closed_pose import closing_of
@@ -92,8 +93,8 @@ def cleaned(
     drawn, body = field, parts.body
     notes = [
         f"boards of part {parts.numbers[k]} of the layout left out: it does not move"
-        for k in parts.boards
-        if k in body
+        for k, own in parts.boards.items()
+        if k in body and own.estimate
     ]
     field, told = _with_shapes(field, parts)
     field = with_lost_parts(field, drawn)
@@ -136,7 +137,8 @@ def _with_shapes(field: DenseField, parts: FieldParts) -> tuple[DenseField, list
         f"revolution of part {parts.numbers[k]} of the layout left out: voxels show another shape"
         for k in sorted(outlines.keys() - set(rounded))
     ]
-    return field, notes
+    exact = {k: own.boxes for k, own in parts.boards.items() if k in body and not own.estimate}
+    return with_told_boards(field, body, exact), notes
 
 
 def _with_boards_and_trays(

@@ -123,7 +123,8 @@ def with_revolutions(
 def _outline(
     mine: np.ndarray, part: int, box: np.ndarray, revolution: Revolution
 ) -> _Outline | None:
-    """That of a part with cells [D, U, V], D along its axis; None where they show another shape."""
+    """That of a part with cells [D, U, V], D along its axis; None where they show another shape
+    than a network's estimate."""
     size, axis = len(mine) - 2, revolution.axis
     low, high = (to_cells(box[axis] + s * box[3 + axis] / 2, size) for s in (-1, 1))
     middle = to_cells(revolution.center, size)
@@ -142,6 +143,8 @@ def _outline(
     strips = _standing(u, v, offset, reach, radius)
     every = np.ones(len(mine), bool)
     outline = _Outline(part, low, high, middle, radius, mine, strips, every, every.copy())
+    if not revolution.estimate:
+        return outline
     outside, side, _ = outline.outside()
     slack = SLACK * radius.max()
     if not mine.any() or (outside[mine] < slack).mean() < AGREE:

@@ -1,0 +1,57 @@
+"""What a vision-language model answers to ``layout_prompt.md``: a layout, and where the camera
+stands."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from typing import Any
+
+from uniart_jax.voxels.json_rows import check_names, json_numbers
+from uniart_jax.voxels.layout import SCHEMA, Layout
+
+VIEW = ("azimuth", "elevation")
+
+
+def read_answer(text: str) -> tuple[Layout, tuple[float, float] | None]:
+    """The layout in an answer, with or without words around it, in object units, as the picture
+    shows it, with its size; and azimuth and elevation of the camera, radians, or None.
+
+    Raises:
+      ValueError: one line that says what is wrong.
+    """
+    data = {"schema": SCHEMA, "units": "m"} | _find_json(text)
+    view = _view(data.pop("view", None))
+    told = Layout.from_json(json.dumps(data))
+    layout, side = told.normalized()
+    return dataclasses.replace(layout, size=side if told.metres else told.size), view
+
+
+def _find_json(text: str) -> dict[str, Any]:
+    """The first JSON object that has parts."""
+    decoder, at = json.JSONDecoder(), text.find("{")
+    problem = "there is no JSON object"
+    while at >= 0:
+        try:
+            data, end = decoder.raw_decode(text, at)
+        except (ValueError, RecursionError) as error:
+            problem = f"not valid JSON ({error})" if '"parts"' in text[at:] else problem
+            end = at + 1
+        else:
+            if isinstance(data, dict) and "parts" in data:
+                return data
+        at = text.find("{", end)
+    raise ValueError(f"layout: {problem}")
+
+
+def _view(data: Any) -> tuple[float, float] | None:
+    if data is None:
+        return None
+    if not isinstance(data, dict):
+        raise ValueError('layout: view: give an object with "azimuth" and "elevation", degrees')
+    check_names(data, VIEW, "layout: view")
+    azimuth, elevation = (json_numbers({n: [data.get(n)]}, n, 1, "layout: view")[0] for n in VIEW)
+    if not (abs(azimuth) <= 360 and abs(elevation) <= 90):
+        raise ValueError(f"layout: view: {azimuth:g}, {elevation:g} are no degrees of a camera")
+    return math.remainder(math.radians(azimuth), 2 * math.pi), math.radians(elevation)

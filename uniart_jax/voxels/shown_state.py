@@ -1,0 +1,77 @@
+"""Parts of a layout that are told at rest, put where a picture shows them: each joint may say at
+which angle or travel it is ``"shown"``."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from uniart_jax.objects.kinematics import Joint
+from uniart_jax.voxels.joint_code import box_corners
+from uniart_jax.voxels.panel_table import Panels
+from uniart_jax.voxels.revolution_table import Revolution
+
+TILTED = 1e-3  # of a direction's cosine: a solid of revolution that is turned by more is none
+
+
+def at_shown(
+    boxes: np.ndarray, joints: Sequence[Joint], parents: Sequence[int], shown: Sequence[float]
+) -> tuple[np.ndarray, list[Joint], np.ndarray]:
+    """Boxes and joints where the joints stand at ``shown``.
+
+    Args:
+      boxes: [K, 6] centre and size, at rest. joints: at rest, in the same frame. parents: rows, -1
+        for the root. shown: K coordinates, radians or, of slides, lengths.
+
+    Returns:
+      The boxes around the moved boxes, joints whose coordinate 0 is what is shown, and the motions
+      [K, 4, 4] of the parts.
+    """
+    motions: dict[int, np.ndarray] = {-1: np.eye(4)}
+
+    def motion(k: int) -> np.ndarray:
+        if k not in motions:
+            motions[k] = motion(parents[k]) @ joints[k].motion(shown[k])
+        return motions[k]
+
+    moves = np.array([motion(k) for k in range(len(joints))])
+    ends = box_corners(np.asarray(boxes, np.float64)).reshape(-1, 2, 3)
+    choice = np.array(np.meshgrid([0, 1], [0, 1], [0, 1])).reshape(3, -1).T
+    corners = ends[:, choice, np.arange(3)]  # [K, 8, 3]
+    corners = np.einsum("kij,kcj->kci", moves[:, :3, :3], corners) + moves[:, None, :3, 3]
+    low, high = corners.min(1), corners.max(1)
+    moved = [
+        _counted_from(joint, q).transformed(motions[parent])
+        for joint, q, parent in zip(joints, shown, parents, strict=True)
+    ]
+    return np.concatenate([(low + high) / 2, high - low], 1), moved, moves
+
+
+def moved_revolution(outline: Revolution | None, motion: np.ndarray) -> Revolution | None:
+    """The outline of a part after a rigid motion [4, 4]; None where it is tilted then."""
+    if outline is None or abs(motion[outline.axis, outline.axis] - 1) > TILTED:
+        return None
+    across = [i for i in range(3) if i != outline.axis]
+    point = np.zeros(3)
+    point[across] = outline.center
+    center = (motion[:3, :3] @ point + motion[:3, 3])[across]
+    return dataclasses.replace(outline, center=center)
+
+
+def moved_boards(own: Panels | None, motion: np.ndarray) -> Panels | None:
+    """The boards of a part after a rigid motion [4, 4]; those of one that turns stay as they are at
+    rest (``voxels.layout``)."""
+    if own is None or np.abs(motion[:3, :3] - np.eye(3)).max() > TILTED:
+        return own
+    return dataclasses.replace(own, boxes=own.boxes + np.tile(motion[:3, 3], 2))
+
+
+def _counted_from(joint: Joint, q: float) -> Joint:
+    """The joint at rest whose coordinate is ``q`` less: its range is counted from there."""
+    if not q:
+        return joint
+    angle = tuple(a - q for a in joint.angle) if joint.rotates else joint.angle
+    travel = tuple(t - joint.pitch * q for t in joint.travel)
+    return dataclasses.replace(joint, angle=angle, travel=travel)
