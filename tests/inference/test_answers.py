@@ -59,7 +59,8 @@ def test_words_around_the_json_are_passed_over(text):
 
 def test_the_example_in_the_prompt_is_an_answer():
     layout, view = read_answer(prompt())
-    assert layout.names == ("body", "lid") and layout.boards[1] is not None
+    assert layout.names == ("body", "lid", "handle") and layout.boards[1] is not None
+    assert layout.tubes[2] is not None and layout.parents[2] == 1
     assert layout.joints[1].angle == pytest.approx((-0.7, 0.8)) and len(view) == 2
 
 

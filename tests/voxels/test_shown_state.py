@@ -142,7 +142,7 @@ def test_a_size_goes_with_object_units():
     ("changes", "problem"),
     [
         ({"shape": "ball"}, "part 1: shape 'ball'; give \"box\""),
-        ({"shape": "box", "revolution": {"axis": "z"}}, "goes without boards and revolution"),
+        ({"shape": "box", "revolution": {"axis": "z"}}, "goes without boards, revolution, tube"),
     ],
 )
 def test_shapes_are_checked(changes, problem):

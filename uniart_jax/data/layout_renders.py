@@ -3,6 +3,7 @@ told of boards, legs and outlines. The networks take it for a photograph of a si
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 
 import numpy as np
@@ -18,6 +19,7 @@ from uniart_jax.voxels.layout import Layout
 from uniart_jax.voxels.leg_table import Legs
 from uniart_jax.voxels.opening_direction import round_about, still_parts
 from uniart_jax.voxels.revolution_table import Revolution
+from uniart_jax.voxels.tube_table import Tube
 
 SIDE = 512  # pixels
 MARGIN = 1.15  # frame over object
@@ -51,7 +53,9 @@ def solids(layout: Layout) -> ArticulatedObject:
         if outline is None and (axis := round_about(box[:3], box[3:], joint)) is not None:
             across = [i for i in range(3) if i != axis]  # knobs and turntables
             outline = Revolution(axis, box[:3][across], np.full(2, box[3:][across].min() / 2))
-        if k == root:
+        if layout.tubes and (tube := layout.tubes[k]) is not None:
+            meshes = _bars(tube)
+        elif k == root:
             meshes = _body(layout, box, corners[k], outline)
         elif boards is not None and k not in still:
             meshes = _boxes(boards.boxes)
@@ -111,6 +115,18 @@ def _legs(legs: Legs) -> list[trimesh.Trimesh]:
         points = [[x, y, z] for r, z in ends for x in (r[0], r[2]) for y in (r[1], r[3])]
         meshes.append(trimesh.convex.convex_hull(np.array(points)))
     return meshes
+
+
+def _bars(tube: Tube) -> list[trimesh.Trimesh]:
+    """Cylinders along the pieces of a tube, as long as its ends reach."""
+    meshes = []
+    for start, end in itertools.pairwise(tube.points):
+        along = (end - start) / max(float(np.linalg.norm(end - start)), 1e-9) * tube.radius
+        segment = np.array([start - along, end + along])
+        if np.ptp(segment, axis=0).max() > 0:
+            meshes.append(trimesh.creation.cylinder(tube.radius, segment=segment, sections=12))
+    ball = trimesh.creation.icosphere(radius=tube.radius)
+    return meshes or [ball.apply_translation(tube.points[0])]
 
 
 def _turned(outline: Revolution, box: np.ndarray) -> trimesh.Trimesh:

@@ -31,6 +31,7 @@ from uniart_jax.voxels.grid import VoxelGrid, subcell_centers
 from uniart_jax.voxels.isosurface import DenseField
 from uniart_jax.voxels.joint_code import box_corners
 from uniart_jax.voxels.layout import Layout
+from uniart_jax.voxels.opening_direction import still_parts
 from uniart_jax.voxels.segment import Segmentation, outside
 
 SAID = 0.25
@@ -202,7 +203,19 @@ def _kinds(
     hidden = [
         k for k, up in enumerate(layout.parents) if solid[k] < FEWEST and up >= 0 and k not in told
     ]
+    drawn = _drawn_as_told(layout)
+    boxed, specks, twice, hidden = (
+        [k for k in rows if k not in drawn] for rows in (boxed, specks, twice, hidden)
+    )
     return boxed, specks, twice, hidden
+
+
+def _drawn_as_told(layout: Layout) -> set[int]:
+    """Rows that are drawn whatever voxels show: tubes, and boards of what does not move."""
+    still = still_parts(layout.parents, layout.joints)
+    tubes = {k for k, own in enumerate(layout.tubes) if own is not None}
+    boards = {k for k, own in enumerate(layout.boards) if own is not None and not own.estimate}
+    return tubes | (boards & set(still))
 
 
 def _is_fragment(mesh: trimesh.Trimesh, layout: Layout, row: int) -> bool:

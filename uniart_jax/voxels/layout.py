@@ -19,7 +19,9 @@ units, of the frame that it names, or in metres, anywhere, where there is no pic
                     middle), "radii": [N] at the middles of N equal layers of its box, from the
                     lower end on (left out: a cylinder), "estimate": true where
                     voxels may correct large radii and the middle; else, or left out, the outline
-                    is followed as it is}}],
+                    is followed as it is},
+                "tube": null or {"points": [N][3] of the path of a bar, "radius"}, in place of box,
+                    boards and revolution}],
      "legs": null or {"alone": bool, "rows": [{"lower": [x0, y0, x1, y1] of its lower end, "upper":
                 the same of its upper end, "heights": [2] of both, "fill": share of the rectangles
                 that it fills (1 a prism, .785 a cylinder), "plinth": bool}]},
@@ -62,7 +64,6 @@ from uniart_jax.voxels.json_rows import (
     LIMIT,
     check_names,
     json_numbers,
-    json_object,
     json_share,
     plain,
 )
@@ -84,6 +85,7 @@ from uniart_jax.voxels.revolution_table import (
     revolution_to_json,
 )
 from uniart_jax.voxels.shown_state import at_shown, moved_boards, moved_revolution
+from uniart_jax.voxels.tube_table import Tube, tube_from_json, tube_to_json
 
 SCHEMA = 1
 FRAME = "object: z up, front at -x, shown state, longest side 1, centred"
@@ -108,7 +110,8 @@ class Layout:
         empty, or K, None where that is not known.
       certainty: expected share of the moving parts that is right, in 0..1, or None.
       names: of the parts, empty or K; a network gives none. metres: lengths are metres. size: of
-        one in object units, metres of the longest side, or None.
+        one in object units, metres of the longest side, or None. tubes: of parts that are bent or
+        slanted bars; empty, or K, None of others.
     """
 
     boxes: np.ndarray
@@ -125,6 +128,7 @@ class Layout:
     names: tuple[str, ...] = ()
     metres: bool = False
     size: float | None = None
+    tubes: tuple[Tube | None, ...] = ()
 
     def __len__(self) -> int:
         return len(self.boxes)
@@ -167,6 +171,7 @@ class Layout:
             boards=tuple(self.boards[k] for k in rows) if self.boards else (),
             revolutions=tuple(self.revolutions[k] for k in rows) if self.revolutions else (),
             names=tuple(self.names[k] for k in rows) if self.names else (),
+            tubes=tuple(self.tubes[k] for k in rows) if self.tubes else (),
         )
 
     def normalized(self) -> tuple[Layout, float]:
@@ -210,6 +215,7 @@ class Layout:
             panels=panels(self.panels),
             boards=tuple(panels(own) for own in self.boards),
             revolutions=tuple(outline(own) for own in self.revolutions),
+            tubes=tuple(own and own.scaled(middle, side) for own in self.tubes),
             camera=None,
             metres=False,
         )
@@ -258,6 +264,7 @@ class Layout:
         rows = []
         none = (None,) * len(self)
         boards, revolutions = self.boards or none, self.revolutions or none
+        tubes = self.tubes or none
         for k, joint in enumerate(self.joints):
             rows.append(
                 {
@@ -277,6 +284,7 @@ class Layout:
                     "revolution": (
                         None if (one := revolutions[k]) is None else revolution_to_json(one)
                     ),
+                    **({} if (tube := tubes[k]) is None else {"tube": tube_to_json(tube)}),
                 }
             )
         camera = None if self.camera is None else plain(self.camera)
@@ -313,7 +321,7 @@ class Layout:
             raise ValueError('layout: "parts" must be a list of at least one part')
         far = FARTHEST if units == "m" else LIMIT
         boxes, joints, parents, colors, confidence = [], [], [], [], []
-        boards, revolutions, names, shown = [], [], [], []
+        boards, revolutions, names, shown, tubes = [], [], [], [], []
         called = [
             isinstance(row, dict) and (row.get("name") or f"part_{k}") for k, row in enumerate(rows)
         ]
@@ -323,7 +331,8 @@ class Layout:
                 raise ValueError(f"{where} is not an object")
             check_names(row, ENTRIES, where)
             names.append(part_name(row.get("name"), names, where))
-            boxes.append(part_box(json_object(row, "box", where), units, where))
+            tubes.append(tube_from_json(row.get("tube"), where, far))
+            boxes.append(part_box(row, tubes[k], units, where))
             parent = row.get("parent")
             if isinstance(parent, str) and parent in called:
                 parent = called.index(parent)
@@ -342,6 +351,8 @@ class Layout:
             boxes, joints, moves = at_shown(np.array(boxes), joints, parents, shown)
             revolutions = [moved_revolution(*one) for one in zip(revolutions, moves, strict=True)]
             boards = [moved_boards(*one) for one in zip(boards, moves, strict=True)]
+            tubes = [own and own.moved(move) for own, move in zip(tubes, moves, strict=True)]
+            boxes = [b if own is None else own.box for b, own in zip(boxes, tubes, strict=True)]
         camera = data.get("camera")
         camera = None if camera is None else json_numbers(data, "camera", 7, "layout")
         if camera is not None and not np.any(camera[:2]):
@@ -366,6 +377,7 @@ class Layout:
             tuple(n or f"part_{k}" for k, n in enumerate(names)) if any(names) else (),
             units == "m",
             size,
+            tuple(tubes) if any(tubes) else (),
         )
         if made.metres and not SIZES[0] <= (side := made.normalized()[1]) <= SIZES[1]:
             least, most = SIZES

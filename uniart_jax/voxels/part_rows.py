@@ -12,10 +12,12 @@ from uniart_jax.objects.names import clean
 from uniart_jax.voxels.joint_code import box_corners
 from uniart_jax.voxels.json_rows import FARTHEST, check_names, json_numbers, json_object
 from uniart_jax.voxels.panel_table import Panels, panels_from_json
+from uniart_jax.voxels.tube_table import Tube
 
 ENTRIES = (
-    "name", "parent", "box", "color", "confidence", "joint", "shape", "boards", "revolution"
+    "name", "parent", "box", "color", "confidence", "joint", "shape", "boards", "revolution", "tube"
 )  # fmt: skip
+SHAPES = ("boards", "revolution", "tube")
 OF_JOINTS = ("type", "origin", "direction", "angle", "travel", "shown")
 MADE_UP = re.compile(r"part_\d+")  # names that ``Layout.to_json`` counts out
 ROUNDED = 5e-4  # that a screw's travel may be off, of its angle's
@@ -32,8 +34,11 @@ def part_name(name: Any, before: list[str | None], where: str) -> str | None:
     return clean(name)
 
 
-def part_box(box: dict, units: str, where: str) -> np.ndarray:
-    """[6] centre and size."""
+def part_box(row: dict, tube: Tube | None, units: str, where: str) -> np.ndarray:
+    """[6] centre and size; of a tube, the box around it."""
+    if tube is not None:
+        return tube.box
+    box = json_object(row, "box", where)
     check_names(box, ("center", "size"), f"{where}: box")
     center, size = (json_numbers(box, name, 3, where) for name in ("center", "size"))
     if size.min() <= 0:
@@ -49,8 +54,8 @@ def part_boards(row: dict, box: np.ndarray, where: str, far: float) -> Panels | 
     if (shape := row.get("shape")) is not None:
         if shape != "box":
             raise ValueError(f'{where}: shape {shape!r}; give "box", or leave it out')
-        if row.get("boards") is not None or row.get("revolution") is not None:
-            raise ValueError(f'{where}: shape "box" goes without boards and revolution')
+        if any(row.get(name) is not None for name in SHAPES):
+            raise ValueError(f'{where}: shape "box" goes without {", ".join(SHAPES)}')
         return Panels(box_corners(box)[None], 1.0, estimate=False)
     return panels_from_json(row.get("boards"), f"{where.removeprefix('layout: ')}: board", far)
 

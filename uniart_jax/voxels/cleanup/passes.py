@@ -21,7 +21,7 @@ from uniart_jax.voxels.cleanup.rooms import with_clean_rooms
 from uniart_jax.voxels.cleanup.round_doors import round_doors, with_round_doors
 from uniart_jax.voxels.cleanup.solids_of_revolution import with_revolutions
 from uniart_jax.voxels.cleanup.straight_legs import with_whole_legs
-from uniart_jax.voxels.cleanup.told_boards import with_told_boards
+from uniart_jax.voxels.cleanup.told_shapes import with_told_shapes
 from uniart_jax.voxels.cleanup.trays import trays
 from uniart_jax.voxels.cleanup.walls import with_whole_walls
 from uniart_jax.voxels.closed_pose import closing_of
@@ -30,6 +30,7 @@ from uniart_jax.voxels.layout import Layout
 from uniart_jax.voxels.opening_direction import still_parts
 from uniart_jax.voxels.panel_table import Panels
 from uniart_jax.voxels.revolution_table import Revolution
+from uniart_jax.voxels.tube_table import Tube
 
 
 @dataclasses.dataclass(frozen=True)
@@ -72,6 +73,12 @@ class FieldParts:
         """By id, the boards of each part that has some."""
         told = dict(enumerate(self.layout.boards[: self.shown]))
         return {k: own for k, own in told.items() if own is not None and len(own)}
+
+    @property
+    def tubes(self) -> dict[int, Tube]:
+        """By id, the tube of each part that is one."""
+        told = dict(enumerate(self.layout.tubes[: self.shown]))
+        return {k: own for k, own in told.items() if own is not None}
 
     @property
     def revolutions(self) -> dict[int, Revolution]:
@@ -130,7 +137,7 @@ def _with_shapes(field: DenseField, parts: FieldParts) -> tuple[DenseField, list
     field = with_round_doors(field, body, discs)
     turning = drums(field, boxes, joints, body)
     field = with_drums(field, body, turning)
-    left -= {other.part for other in (*discs, *turning)}
+    left -= {other.part for other in (*discs, *turning)} | set(parts.tubes)
     outlines = {k: own for k, own in parts.revolutions.items() if k in left}
     field, rounded = with_revolutions(field, boxes, drawn, outlines)
     notes += [
@@ -138,7 +145,7 @@ def _with_shapes(field: DenseField, parts: FieldParts) -> tuple[DenseField, list
         for k in sorted(outlines.keys() - set(rounded))
     ]
     exact = {k: own.boxes for k, own in parts.boards.items() if k in body and not own.estimate}
-    return with_told_boards(field, body, exact), notes
+    return with_told_shapes(field, body, exact, parts.tubes), notes
 
 
 def _with_boards_and_trays(

@@ -1,11 +1,15 @@
 """Parts that do not move are the boards that they are told to have."""
 
+import itertools
+
 import numpy as np
 import pytest
 from fields import AT, N, assert_same, block, copy_of, field_of, place_of, solid_of
+from scipy.spatial import cKDTree
 
-from uniart_jax.voxels.cleanup.told_boards import with_told_boards
+from uniart_jax.voxels.cleanup.told_shapes import with_told_shapes
 from uniart_jax.voxels.isosurface import part_mesh
+from uniart_jax.voxels.tube_table import Tube
 
 BODY = block((10.3, 10.3, 10.3), (30.3, 50.3, 50.3))
 HANDLE = ((30.3, 25.3, 20.3), (46.3, 35.3, 40.3))  # as it is drawn: a block
@@ -31,7 +35,7 @@ def field():
 
 def test_a_handle_is_its_bars_and_all_else_stays(field):
     before = copy_of(field)
-    after = with_told_boards(field, [0, 1], {1: at(BARS)})
+    after = with_told_shapes(field, [0, 1], {1: at(BARS)}, {})
     assert_same(field, before)
     bars = np.min([block(b[:3], b[3:]) for b in BARS], 0) < 0
     drawn = solid_of(after, 0) | solid_of(after, 1)
@@ -45,15 +49,28 @@ def test_a_handle_is_its_bars_and_all_else_stays(field):
 
 def test_a_part_that_moves_is_not_written_over(field):
     through = np.array([[30.3, 25.3, 20.3, 60.3, 35.3, 40.3]])
-    after = with_told_boards(field, [0, 1], {1: at(through)})
+    after = with_told_shapes(field, [0, 1], {1: at(through)}, {})
     np.testing.assert_array_equal(solid_of(after, 2), DOOR < 0)
 
 
 def test_a_bar_thinner_than_the_cells_is_drawn(field):
     thin = np.array([[30.3, 29.8, 29.9, 46.3, 30.0, 30.1]])
-    solid = solid_of(with_told_boards(field, [0, 1], {1: at(thin)}), 1)
+    solid = solid_of(with_told_shapes(field, [0, 1], {1: at(thin)}, {}), 1)
     assert solid[33:45].any((1, 2)).all()
 
 
 def test_without_boards_the_field_is_the_same(field):
-    assert with_told_boards(field, [0], {}) is field
+    assert with_told_shapes(field, [0], {}, {}) is field
+
+
+@pytest.mark.parametrize("owner", [1, 2])
+def test_a_tube_is_all_within_its_radius_of_a_path_also_of_a_part_that_moves(field, owner):
+    points = np.array([[34.0, 30, 30], [44, 30, 30], [44, 44, 40]])
+    tube = Tube(place_of(points), 3.2 / N)
+    after = with_told_shapes(field, [0, 1], {}, {owner: tube})
+    path = np.concatenate([np.linspace(a, b, 400) for a, b in itertools.pairwise(points)])
+    away = np.reshape(cKDTree(path).query(AT.reshape(3, -1).T)[0], AT.shape[1:])
+    solid = solid_of(after, owner)
+    assert solid[away < 3.15].all() and not solid[away > 3.25].any()
+    if owner == 1:
+        np.testing.assert_array_equal(solid_of(after, 2), DOOR < 0)
