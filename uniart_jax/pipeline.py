@@ -151,7 +151,7 @@ class Pipeline(Networks):
                 raise ValueError("sample: give an image, a layout, or both")
             progress("drawing the layout")
             told, longest = layout.normalized()
-            side = longest if layout.metres else None
+            side = longest if layout.metres else layout.size
             image, camera = render_layout(told)
             layout = dataclasses.replace(with_usual_boards(told, side or 1.0), camera=camera)
             background = "keep"
@@ -257,7 +257,8 @@ class Pipeline(Networks):
         """
         cut = self.cut_out(image, background)[0]
         margin = self.config.model.image_encoder.crop_margin
-        return ask_layout(cut, ask, self._camera_or_none(cut), margin, say)
+        name = "picture" if isinstance(image, np.ndarray) else Path(image).stem
+        return ask_layout(cut, ask, self._camera_or_none(cut), margin, say, name)
 
     def layout_or_none(
         self, image: str | Path | np.ndarray, background: Background = "auto"

@@ -112,6 +112,21 @@ def test_an_edited_table_is_drawn_and_followed(page):
     np.testing.assert_array_equal(page.followed.camera, toy_layout().camera)
 
 
+def test_the_answer_of_a_vision_language_model_is_followed_beside_the_picture(page):
+    page.drop(OVEN)
+    chest = json.loads(CHEST.read_text())
+    page.table = f"Sure:\n{json.dumps(chest | {'view': {'azimuth': 30, 'elevation': 20}})}"
+    seen, works = page.show()
+    assert works and "Parts of the table" in seen and "<b>lid</b>" in seen
+    page.make()
+    assert page.followed.names == ("body", "lid") and page.followed.camera is not None
+    assert page.followed.size == pytest.approx(1.02) and not page.followed.metres
+    del chest["parts"][1]["box"]
+    page.table = json.dumps(chest)
+    told, works = page.show()
+    assert not works and "part 1: box is missing" in told
+
+
 def test_a_part_that_was_deleted_is_not_followed(page):
     page.drop(OVEN)
     data = json.loads(page.table)

@@ -24,6 +24,7 @@ from uniart_jax.data.images import crop, read_image
 from uniart_jax.data.layout_renders import render_layout
 from uniart_jax.evaluation.sampled import details, steps_of_several
 from uniart_jax.export.words import moving_words
+from uniart_jax.inference.ask_layout import told_layout
 from uniart_jax.simulation.refine import mend
 from uniart_jax.simulation.summary import verdicts
 from uniart_jax.simulation.validate import validate
@@ -158,6 +159,17 @@ def edited(pipeline: Pipeline, seen: Analysis, layout: Layout, folder: Path) -> 
     """The same picture with another layout, drawn into ``folder``."""
     drawn = _drawn(_square(pipeline, seen.cut), layout, folder)
     return dataclasses.replace(seen, layout=layout, drawn=drawn, edited=True)
+
+
+def told_of(pipeline: Pipeline, seen: Analysis, text: str) -> Layout:
+    """What an answer of a vision-language model tells of the picture.
+
+    Raises:
+      ValueError: one line that says what is wrong with it.
+    """
+    margin = pipeline.config.model.image_encoder.crop_margin
+    guess = None if seen.layout is None else seen.layout.camera
+    return told_layout(text, seen.cut, guess, margin)
 
 
 def of_table(pipeline: Pipeline, layout: Layout, folder: Path) -> Analysis:

@@ -32,10 +32,11 @@ from uniart_jax.app.making import (
     of_table,
     planned,
     sentence,
+    told_of,
     zip_assets,
 )
 from uniart_jax.app.sessions import Session, Sessions
-from uniart_jax.app.table import followed_layout, is_unchanged, table_text
+from uniart_jax.app.table import followed_layout, is_told, is_unchanged, table_text
 from uniart_jax.app.table_box import example_text, table_box
 from uniart_jax.app.texts import (
     checks_html,
@@ -179,12 +180,15 @@ class Desk:
         read = None if seen is None else seen.layout
         if seen is not None and not str(table or "").strip():
             return seen
-        layout = followed_layout(table, read)
-        if seen is not None and layout is read:
-            return seen
         before = session.followed
         if before is not None and before[0] is seen and before[1] == table:
             return before[2]
+        if seen is not None and is_told(table):
+            layout = told_of(self.pipeline, seen, table)
+        else:
+            layout = followed_layout(table, read)
+        if seen is not None and layout is read:
+            return seen
         folder = self.sessions.fresh(session, "table")
         if seen is None:
             found = of_table(self.pipeline, layout, folder)

@@ -20,6 +20,7 @@ import numpy as np
 
 from uniart_jax.app.part_words import part_kinds_of, root_first
 from uniart_jax.export.naming import BASE, is_made_up, reading_order
+from uniart_jax.inference.answers import find_json, read_answer
 from uniart_jax.voxels.closed_pose import closing_of
 from uniart_jax.voxels.layout import ROOT, Layout
 from uniart_jax.voxels.leg_table import Legs
@@ -40,7 +41,7 @@ def table_text(layout: Layout) -> str:
     layout = root_first(layout)
     layout = dataclasses.replace(layout, names=layout.names or tuple(_names(layout)))
     data = _short(json.loads(layout.to_json()))
-    parts, other = data.pop("parts"), ("boards", "revolution")
+    parts, other = data.pop("parts"), ("boards", "revolution", "tube")
     lines = [
         f'"{name}": {_line(data[name])}' for name in ("schema", "frame", "camera") if data[name]
     ]
@@ -54,7 +55,7 @@ def table_text(layout: Layout) -> str:
         if joint["type"] == "fixed" or not {"angle", "travel"} & set(row["joint"]):
             row["joint"] = {"type": "fixed"}
         kept = {name: value for name, value in row.items() if name not in other}
-        further = [f'"{name}": {_line(row[name])}' for name in other if row[name]]
+        further = [f'"{name}": {_line(row[name])}' for name in other if row.get(name)]
         rows.append(",\n    ".join([_line(kept)[:-1], *further]) + "}")
     lines.append('"parts": [\n  ' + ",\n  ".join(rows) + "\n ]")
     lines += [f'"{name}": {_line(data[name])}' for name in ("legs", "panels") if data[name]]
@@ -80,18 +81,30 @@ def followed_layout(text: Any, read: Layout | None) -> Layout:
         return read
     if not text.strip():
         raise ValueError("table: it is empty; paste one, or take an example")
+    if read is None and "view" in (find_json(text) if is_told(text) else ()):
+        return read_answer(text)[0]
     layout = dataclasses.replace(Layout.from_json(text), certainty=None)
     if read is None:
         if layout.boxes[:, 3:].max() < SMALLEST_OBJECT:
             raise ValueError(f"table: no box is longer than {SMALLEST_OBJECT:g}")
         return layout
-    if layout.metres:
-        raise ValueError(f"table: {OTHER_LENGTHS}")
     reach = (np.abs(layout.boxes[:, :3]) + layout.boxes[:, 3:] / 2).max(1)
     if reach.max() > REACH:
         name = layout.name(int(reach.argmax()))
         raise ValueError(f"table: {name!r} reaches {reach.max():.3g} far; {OTHER_LENGTHS}")
     return _taken_along(layout, read)
+
+
+def is_told(text: Any) -> bool:
+    """Whether a text tells an object anew, as a vision-language model's answer does, and is no
+    table that was read and edited: lengths are metres, or it says where the camera stands."""
+    if not isinstance(text, str) or len(text) > LONGEST:
+        return False
+    try:
+        data = find_json(text)
+    except ValueError:
+        return False
+    return "view" in data or data.get("units") == "m"
 
 
 def is_unchanged(text: str, read: Layout) -> bool:

@@ -7,7 +7,12 @@ from typing import Any, NamedTuple
 import gradio as gr
 
 from uniart_jax.app.examples import example_tables
+from uniart_jax.inference.ask_layout import prompt
 
+HOW = (
+    "Where the parts that were read are wrong: give this text and the cut-out to any chat model "
+    "that takes pictures, and paste its answer into the table above."
+)
 ASKS = "Paste a table of parts, or take one from below. No picture is needed for it."
 
 
@@ -41,6 +46,18 @@ def table_box() -> TableBox:
                 label="Tables without a picture",
                 samples_per_page=len(names),
             )
+    with gr.Accordion("Ask a model that sees pictures", open=False, elem_id="ask"):
+        gr.Markdown(HOW)
+        gr.Textbox(
+            value=prompt(),
+            lines=8,
+            max_lines=8,
+            show_label=False,
+            container=False,
+            interactive=False,
+            buttons=["copy"],
+            elem_classes="ua-table",
+        )
     return TableBox(text, show, examples)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -71,12 +72,13 @@ def layout(
         size, margin = predictor.image_size, predictor.crop_margin
         crops = [crop(picture, size, margin) for picture in pictures]
         layouts = [read_layout(found, threshold) for found in predictor(crops)]
-    for k, stem in enumerate(stems):
-        if model is None:
-            break
-        with working(console, f"{stem}: asking '{ask}'") as say:
-            wrong = lambda problem, stem=stem: say(f"{stem}: asking again: {problem}")  # noqa: E731
-            layouts[k] = ask_layout(pictures[k], model, layouts[k].camera, margin, wrong)
+    if model is not None:
+        with working(console, "asking") as say:
+            for k, stem in enumerate(stems):
+                say(f"{stem}: asking '{ask}'")
+                wrong = functools.partial(_asked_again, say, stem)
+                camera = layouts[k].camera
+                layouts[k] = ask_layout(pictures[k], model, camera, margin, wrong, stem)
     with complete_folder(out, overwrite, MARKS) as folder:
         (folder / MARKS[0]).write_text(json.dumps(stems) + "\n")
         for stem, cut, found in zip(stems, crops, layouts, strict=True):
@@ -87,3 +89,7 @@ def layout(
         sure = "" if found.certainty is None else f", certainty {found.certainty:.2f}"
         line = f"{stem}: {len(found)} parts, {moving} of them move{sure} -> {out / stem}.json"
         console.print(line, highlight=False, markup=False, soft_wrap=True)
+
+
+def _asked_again(say: Callable[[str], None], name: str, problem: str) -> None:
+    say(f"{name}: asking again: {problem}")

@@ -12,6 +12,7 @@ from uniart_jax.voxels.json_rows import check_names, json_numbers
 from uniart_jax.voxels.layout import SCHEMA, Layout
 
 VIEW = ("azimuth", "elevation")
+STARTS = 200  # braces of a text at which its JSON may begin
 
 
 def read_answer(text: str) -> tuple[Layout, tuple[float, float] | None]:
@@ -21,18 +22,24 @@ def read_answer(text: str) -> tuple[Layout, tuple[float, float] | None]:
     Raises:
       ValueError: one line that says what is wrong.
     """
-    data = {"schema": SCHEMA, "units": "m"} | _find_json(text)
+    data = {"schema": SCHEMA, "units": "m"} | find_json(text)
     view = _view(data.pop("view", None))
     told = Layout.from_json(json.dumps(data))
     layout, side = told.normalized()
     return dataclasses.replace(layout, size=side if told.metres else told.size), view
 
 
-def _find_json(text: str) -> dict[str, Any]:
-    """The first JSON object that has parts."""
+def find_json(text: str) -> dict[str, Any]:
+    """The first JSON object that has parts, in any text.
+
+    Raises:
+      ValueError: there is none.
+    """
     decoder, at = json.JSONDecoder(), text.find("{")
     problem = "there is no JSON object"
-    while at >= 0:
+    for _ in range(STARTS):
+        if at < 0:
+            break
         try:
             data, end = decoder.raw_decode(text, at)
         except (ValueError, RecursionError) as error:

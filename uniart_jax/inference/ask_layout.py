@@ -7,6 +7,7 @@ faucet is, and what it can do.
 
 from __future__ import annotations
 
+import functools
 import shlex
 import subprocess
 import tempfile
@@ -39,8 +40,9 @@ def prompt() -> str:
 
 
 def ask_command(line: str, timeout: float = 600.0) -> Ask:
-    """A program as a model: ``{image}`` in its words is the picture's path, ``{prompt}`` the
-    prompt, which it gets on its standard input else. It runs without a shell.
+    """A program as a model: ``{image}`` in its words is the picture's path, ``{name}`` that of its
+    file without suffix, ``{prompt}`` the prompt, which it gets on its standard input else. It runs
+    without a shell.
 
     Raises:
       ValueError: the line is no command; from the model: the program fails, or takes too long.
@@ -55,7 +57,8 @@ def ask_command(line: str, timeout: float = 600.0) -> Ask:
 
     def ask(text: str, picture: Path) -> str:
         told = any("{prompt}" in word for word in words)
-        filled = [w.replace("{image}", str(picture)).replace("{prompt}", text) for w in words]
+        values = {"{image}": str(picture), "{name}": picture.stem, "{prompt}": text}
+        filled = [functools.reduce(lambda w, v: w.replace(*v), values.items(), w) for w in words]
         try:
             done = subprocess.run(
                 filled, input=None if told else text, capture_output=True, text=True,
@@ -99,6 +102,18 @@ def ask_layout(
         picture = Path(folder) / f"{name}.png"
         shown_picture(cut_out, margin).save(picture)
         layout, view = _answer(picture, ask, say)
+    return with_camera(layout, cut_out, _guess(view, guess), margin)
+
+
+def told_layout(
+    text: str, cut_out: np.ndarray, guess: np.ndarray | None = None, margin: float = MARGIN
+) -> Layout:
+    """``ask_layout`` of an answer that is there already.
+
+    Raises:
+      ValueError: one line that says what is wrong with it.
+    """
+    layout, view = read_answer(text)
     return with_camera(layout, cut_out, _guess(view, guess), margin)
 
 
