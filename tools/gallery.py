@@ -1,7 +1,8 @@
 """What a checkpoint makes of the first held-out pictures, one after the other, none left out, or of
 layouts without a picture.
 
-    python tools/gallery.py OUT [--count 24] [--checkpoint nano] [--unseen]
+    python tools/gallery.py OUT [--count 24] [--checkpoint nano] [--unseen] [--families …]
+        [--ask "cat examples/answers/unseen/{name}.json"]
     python tools/gallery.py OUT --layouts examples/layouts/*.json
 
 OUT gets an asset folder an object, made and checked as ``sample.py`` does, and ``gallery.jpg``:
@@ -24,6 +25,7 @@ from uniart_jax.evaluation.baselines import object_name
 from uniart_jax.evaluation.procedural import held_out_for, split_families
 from uniart_jax.evaluation.result_store import check_settings
 from uniart_jax.export.preview import BACKGROUND, GAP, INK, TILE
+from uniart_jax.inference.ask_layout import ask_command
 from uniart_jax.models.checkpoint import Checkpoint
 from uniart_jax.pipeline import Pipeline, load
 from uniart_jax.runtime.compilation_cache import enable_compilation_cache
@@ -88,18 +90,22 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=24)
     parser.add_argument("--checkpoint", default="nano")
     parser.add_argument("--unseen", action="store_true", help="families never trained on")
+    parser.add_argument("--families", nargs="+", default=(), help="these, in turn")
+    parser.add_argument("--ask", help="a command that asks a vision-language model, as sample.py's")
     parser.add_argument("--layouts", type=Path, nargs="+", help="JSON files; no pictures then")
     given = parser.parse_args()
     enable_compilation_cache()
     which = f"{given.checkpoint} {Checkpoint.find(given.checkpoint).digest()}"
     settings = {"checkpoint": which, "unseen": given.unseen}
+    settings |= {n: getattr(given, n) for n in ("families", "ask") if getattr(given, n)}
     if given.layouts:
         settings["layouts"] = {
             path.stem: hashlib.sha256(path.read_bytes()).hexdigest() for path in given.layouts
         }
     check_settings(given.out, settings, "another checkpoint, split or layouts")
     pipeline, rows, found = load(given.checkpoint), [], []
-    families = split_families(given.unseen)
+    ask = ask_command(given.ask) if given.ask else None
+    families = given.families or split_families(given.unseen)
     names = [object_name(index, families) for index in range(given.count)]
     for index, name in enumerate([path.stem for path in given.layouts or ()] or names):
         image, layout = None, True
@@ -107,7 +113,10 @@ def main() -> None:
             if given.layouts:
                 layout = Layout.from_json(given.layouts[index].read_text())
             else:
-                image = held_out_for(pipeline.config.model, index, given.unseen).image
+                test = held_out_for(pipeline.config.model, index, given.unseen, given.families)
+                image = test.image
+            if ask is not None and not (given.out / name / "report.json").is_file():
+                layout = pipeline.ask_layout(image, ask, name=str(index))
             report = make_asset(pipeline, given.out / name, index, image, layout)
         except ValueError as error:
             print(f"{name}: {error}", flush=True)

@@ -776,4 +776,57 @@ MUTANTS = (
         "boxes = obj.bounds[None]",
         "tests/export/test_size.py::test_as_long_at_rest_as_usual",
     ),
+    Mutant(
+        "uniart_jax/inference/camera_fit.py",
+        "FAR_VIEW * (1 - toward @ _toward(x[0], x[1]))",
+        "0.0",
+        "tests/inference/test_camera_fit.py"
+        "::test_a_guess_decides_where_outlines_agree_from_several_sides",
+    ),
+    Mutant(
+        "uniart_jax/inference/camera_fit.py",
+        "return 1 - overlap + far",
+        "return far",
+        "tests/inference/test_camera_fit.py::test_the_camera_of_an_outline_is_found",
+    ),
+    Mutant(
+        "uniart_jax/inference/answers.py",
+        "size=side if told.metres else told.size",
+        "size=told.size",
+        "tests/inference/test_answers.py"
+        "::test_an_answer_is_a_layout_in_object_units_as_the_picture_shows_it_and_a_view",
+    ),
+    Mutant(
+        "uniart_jax/inference/ask_layout.py",
+        "azimuth - share * apart",
+        "azimuth + share * apart",
+        "tests/inference/test_ask_layout.py"
+        "::test_the_guess_is_a_mean_unless_network_and_model_are_far_apart",
+    ),
+    Mutant(
+        "uniart_jax/voxels/shown_state.py",
+        "motion(parents[k]) @ joints[k].motion(shown[k])",
+        "joints[k].motion(shown[k])",
+        "tests/voxels/test_shown_state.py"
+        "::test_points_of_a_part_are_where_its_motion_and_its_parents_take_them",
+    ),
+    Mutant(
+        "uniart_jax/voxels/tube_table.py",
+        "np.clip((places - start) @ along / length, 0, 1)",
+        "((places - start) @ along / length)",
+        "tests/voxels/test_tube_table.py::test_distances_are_those_of_capsules",
+    ),
+    Mutant(
+        "uniart_jax/voxels/cleanup/told_shapes.py",
+        "where = ~stays & (whose >= 0)",
+        "where = whose >= 0",
+        "tests/voxels/cleanup/test_told_shapes.py::test_a_part_that_moves_is_not_written_over",
+    ),
+    Mutant(
+        "uniart_jax/evaluation/layout.py",
+        "return carrier(parents[k]) if k in fixed else k",
+        "return k",
+        "tests/evaluation/test_layout_metrics.py::test_layouts_in_metres_and_rows_that_are_fixed_"
+        "are_judged_as_objects_have_them",
+    ),
 )  # fmt: skip

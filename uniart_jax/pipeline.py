@@ -243,6 +243,7 @@ class Pipeline(Networks):
         ask: Ask,
         background: Background = "auto",
         say: Callable[[str], None] = lambda problem: None,
+        name: str | None = None,
     ) -> Layout:
         """The object's parts as a vision-language model tells them (``inference.ask_layout``), for
         ``pipeline(image, layout=…)``.
@@ -250,6 +251,7 @@ class Pipeline(Networks):
         Args:
           ask: prompt and a picture's path -> answer; ``uniart_jax.ask_command`` makes one of a
             program. say: called with what is wrong with an answer, before it is asked again.
+          name: of the picture's file, without its suffix (default: the image's, or "picture").
 
         Raises:
           FileNotFoundError, ValueError: the image cannot be used, or no answer is a layout. What
@@ -257,8 +259,8 @@ class Pipeline(Networks):
         """
         cut = self.cut_out(image, background)[0]
         margin = self.config.model.image_encoder.crop_margin
-        name = "picture" if isinstance(image, np.ndarray) else Path(image).stem
-        return ask_layout(cut, ask, self._camera_or_none(cut), margin, say, name)
+        stem = "picture" if isinstance(image, np.ndarray) else Path(image).stem
+        return ask_layout(cut, ask, self._camera_or_none(cut), margin, say, name or stem)
 
     def layout_or_none(
         self, image: str | Path | np.ndarray, background: Background = "auto"
