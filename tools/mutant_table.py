@@ -724,7 +724,7 @@ MUTANTS = (
     ),
     Mutant(
         "uniart_jax/pipeline.py",
-        "side = longest if layout.metres else None",
+        "side = longest if layout.metres else layout.size",
         "side = None",
         "tests/test_pipeline.py::test_an_object_of_a_layout_in_metres_has_its_size",
     ),

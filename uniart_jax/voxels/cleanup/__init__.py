@@ -13,6 +13,7 @@ last, ``passes.cleaned`` calls all between, in this order:
     round_doors           round doors are cut to discs
     drums                 drums become shells behind a round hole
     solids_of_revolution  parts that are round get the outlines that the layout has, or voxels show
+    told_shapes           boards of parts that stand still, and tubes, as the layout tells them
     loose_parts           specks are left out; a part that a pass took away whole is put back
     room_to_move          what stands in the way of a moving part is taken off
     loose_parts           parts that hang in the air are moved until they touch the others
