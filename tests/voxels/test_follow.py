@@ -21,6 +21,7 @@ from uniart_jax.voxels.grid import subcell_centers
 from uniart_jax.voxels.layout import Layout
 from uniart_jax.voxels.panel_table import Panels
 from uniart_jax.voxels.revolution_table import Revolution
+from uniart_jax.voxels.tube_table import Tube
 from uniart_jax.voxels.voxelize import voxelize
 
 
@@ -398,3 +399,22 @@ def test_a_disc_has_the_cells_that_it_fills_but_not_all_of_a_part():
     np.testing.assert_allclose(case, CASE, atol=0.01)
     for disc in (knob, second):
         assert min(np.abs(bounds - disc).max() for bounds in others) < 0.001
+
+
+def test_a_row_that_is_fixed_and_told_is_a_piece_of_what_carries_it():
+    """A body with a handle of which no voxel is found, whose knob, told as a tube, moves."""
+    low, high = (-0.2, -0.2, -0.3), (0.2, 0.2, 0.3)
+    grid = grid_of([lambda p: box_sdf(p, low, high)], [box_of(low, high)], resolution=16).gather()
+    handle = Tube(np.array([[0.2, 0, -0.1], [0.35, 0, -0.1], [0.35, 0, 0.1], [0.2, 0, 0.1]]), 0.03)
+    lever = Tube(np.array([[0.35, 0, 0.0], [0.35, 0.2, 0.0]]), 0.03)
+    boxes = np.array([box_of(low, high), handle.box, lever.box])
+    turn = Joint(np.array([0.35, 0, 0]), (0.0, 0, -1), angle=(0.0, 1.0))
+    layout = Layout(
+        boxes, (Joint.fixed(), Joint.fixed(), turn), (-1, 0, 1), np.full((3, 3), 0.5), np.ones(3),
+        tubes=(None, handle, lever), names=("case", "handle", "lever"),
+    )  # fmt: skip
+    made = assemble_layout(grid, layout)
+    assert [part.name for part in made.parts] == ["case", "lever"]
+    assert made.parts[1].parent == 0 and made.parts[0].mesh.is_watertight
+    np.testing.assert_allclose(made.parts[0].mesh.bounds[1, 0], 0.38, atol=0.02)
+    np.testing.assert_allclose(made.parts[1].mesh.bounds[1, 1], 0.23, atol=0.02)

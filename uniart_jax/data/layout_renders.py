@@ -60,7 +60,8 @@ def solids(layout: Layout) -> ArticulatedObject:
         elif boards is not None and k not in still:
             meshes = _boxes(boards.boxes)
             for mesh in meshes:
-                mesh.apply_transform(np.vstack([shown[k], [0, 0, 0, 1]]))
+                there = np.vstack([shown[k], [0, 0, 0, 1]])
+                mesh.apply_transform(there if boards.motion is None else boards.motion)
         elif outline is not None:
             meshes = [_turned(outline, box)]
         else:

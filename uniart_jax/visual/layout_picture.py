@@ -46,7 +46,7 @@ def draw_layout(crop: np.ndarray, layout: Layout, side: int = SIDE) -> Image.Ima
     legs = [] if layout.legs is None else _leg_corners(layout.legs)
     shown = undone(closing_of(layout.joints, layout.boxes, layout.parents))
     boards = [
-        moved(shown[k], corners)
+        moved(shown[k] if own.motion is None else own.motion[:3], corners)
         for k, own in enumerate(layout.boards)
         if own is not None
         for corners in _box_corners(own.boxes)

@@ -134,8 +134,8 @@ def mesh_parts(
     parts: Segmentation,
     reshape: Callable[[DenseField], DenseField] = lambda field: field,
 ) -> list[trimesh.Trimesh]:
-    """[K] closed meshes with sRGB vertex colours, object units; ``reshape``: what is done to the
-    field before."""
+    """[K] closed meshes with sRGB vertex colours, object units, empty of owners that ``reshape``
+    took all cells from; ``reshape``: what is done to the field before."""
     grid = dataclasses.replace(grid, sdf=_within_boxes(grid, parts))
     sdf, owner = _every_part_has_a_cell(grid, parts)
     field = reshape(dense_field(dataclasses.replace(grid, sdf=sdf), owner))
@@ -143,10 +143,16 @@ def mesh_parts(
     cells = np.where(field.sdf < 0, field.owner + 1, 0)
     windows = ndimage.find_objects(cells, max_label=len(parts.boxes))
     colors = srgb_bytes(grid.color).reshape(-1, 3)
-    meshes = [part_mesh(field, k, window, colors) for k, window in enumerate(windows)]
+    meshes = [
+        trimesh.Trimesh() if window is None else part_mesh(field, k, window, colors)
+        for k, window in enumerate(windows)
+    ]
     share = FACE_BUDGET / sum(len(mesh.faces) for mesh in meshes)
     cell = 1 / (grid.resolution * grid.subdivisions)
-    return [simplify(mesh, cell, int(share * len(mesh.faces))) for mesh in meshes]
+    return [
+        mesh if mesh.is_empty else simplify(mesh, cell, int(share * len(mesh.faces)))
+        for mesh in meshes
+    ]
 
 
 def _within_boxes(grid: VoxelGrid, parts: Segmentation) -> np.ndarray:
@@ -161,7 +167,8 @@ def _within_boxes(grid: VoxelGrid, parts: Segmentation) -> np.ndarray:
     votes, solid = box_corners(grid.own_box), np.asarray(grid.sdf) < 0
     limits = box_corners(parts.boxes)
     for k in range(len(limits)):
-        mine = parts.owner == k
+        if not (mine := parts.owner == k).any():
+            continue
         said = np.median(votes[mine & solid if (mine & solid).any() else mine], axis=0)
         limits[k, :3] = np.minimum(limits[k, :3], said[:3])
         limits[k, 3:] = np.maximum(limits[k, 3:], said[3:])

@@ -68,7 +68,8 @@ def assemble_layout(
 
     Returns:
       Parts 'base', 'link_1', ... or as the layout names them, parents first; meshes are closed. A
-      small row that voxels hardly show, or that turns about its middle, and a turntable are made of
+      row that is fixed and told as boards or as a tube is a piece of what carries it. A
+    small row that voxels hardly show, or that turns about its middle, and a turntable are made of
       their boxes (``primitive_parts``). Another that no voxel shows, or a fixed one of which they
       show a fragment, is left out; its children hang on its parent. ``provenance`` tells of all.
 
@@ -84,24 +85,47 @@ def assemble_layout(
     boxed = _primitive_meshes(layout, chosen.boxed, 1 / (grid.resolution * grid.subdivisions))
     unfollowed: list[str] = []
 
+    carriers = _carriers(layout, rows, len(chosen.shown))
+    pieces = [row for k, row in enumerate(rows) if carriers[k] != k]
+
     def reshape(field: DenseField) -> DenseField:
         nonlocal boxed, unfollowed
         field, boxed, unfollowed = cleaned(field, parts, boxed)
-        return field
+        if not pieces:
+            return field
+        owner = np.where(field.owner < 0, field.owner, carriers[field.owner])
+        return dataclasses.replace(field, owner=owner.astype(field.owner.dtype))
 
     pure = (chosen.owner == chosen.owner[:, :1]).all(1)
     told = dataclasses.replace(chosen.grid, own_box=parts.boxes[chosen.owner])
     found = mesh_parts(told, Segmentation(parts.boxes, chosen.owner, pure), reshape)
     meshes = dict(zip(rows, [*found, *boxed], strict=True))
-    fragments = [k for k in range(len(layout)) if _is_fragment(meshes[k], layout, k)]
+    fragments = [
+        k for k in range(len(layout)) if k not in pieces and _is_fragment(meshes[k], layout, k)
+    ]
     left_out = "left out: voxels show a fragment of it"
     notes = [_note(numbers[k], layout.confidence[k], left_out) for k in fragments]
-    kept = [meshes[k] for k in range(len(layout)) if k not in fragments]
-    made = _parts(_without(layout, fragments), kept)
+    gone = fragments + pieces
+    kept = [meshes[k] for k in range(len(layout)) if k not in gone]
+    made = _parts(_without(layout, gone), kept)
     provenance = (*chosen.notes, *notes, *unfollowed)
     return with_parts_joined(
         ArticulatedObject(made, scale, name, provenance=provenance, from_voxels=True)
     )
+
+
+def _carriers(layout: Layout, rows: list[int], shown: int) -> np.ndarray:
+    """[N] the place in ``rows`` of what each becomes a piece of: itself, or, of a row that is fixed
+    and drawn as it is told, of what carries it; ``shown``: how many of them voxels show."""
+    drawn = _drawn_as_told(layout)
+    place = {row: k for k, row in enumerate(rows)}
+
+    def carrier(row: int) -> int:
+        up = layout.parents[row]
+        fixed = row in drawn and up >= 0 and layout.joints[row].type == "fixed"
+        return carrier(up) if fixed and place[up] < shown else row
+
+    return np.array([place[carrier(row)] for row in rows])
 
 
 def _note(row: int, confidence: float, what: str) -> str:
@@ -214,8 +238,8 @@ def _drawn_as_told(layout: Layout) -> set[int]:
     """Rows that are drawn whatever voxels show: tubes, and boards of what does not move."""
     still = still_parts(layout.parents, layout.joints)
     tubes = {k for k, own in enumerate(layout.tubes) if own is not None}
-    boards = {k for k, own in enumerate(layout.boards) if own is not None and not own.estimate}
-    return tubes | (boards & set(still))
+    told = {k: own for k, own in enumerate(layout.boards) if own is not None and not own.estimate}
+    return tubes | {k for k, own in told.items() if k in still or own.motion is not None}
 
 
 def _is_fragment(mesh: trimesh.Trimesh, layout: Layout, row: int) -> bool:

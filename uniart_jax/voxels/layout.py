@@ -192,10 +192,6 @@ class Layout:
         matrix = np.diag([1 / side] * 3 + [1.0])
         matrix[:3, 3] = -middle / side
 
-        def panels(own: Panels | None) -> Panels | None:
-            corners = np.tile(middle, 2)
-            return own and dataclasses.replace(own, boxes=(own.boxes - corners) / side)
-
         def outline(own: Revolution | None) -> Revolution | None:
             if own is None:
                 return None
@@ -212,8 +208,8 @@ class Layout:
             boxes=np.concatenate([self.boxes[:, :3] - middle, self.boxes[:, 3:]], 1) / side,
             joints=tuple(joint.transformed(matrix) for joint in self.joints),
             legs=legs,
-            panels=panels(self.panels),
-            boards=tuple(panels(own) for own in self.boards),
+            panels=self.panels and self.panels.scaled(middle, side),
+            boards=tuple(own and own.scaled(middle, side) for own in self.boards),
             revolutions=tuple(outline(own) for own in self.revolutions),
             tubes=tuple(own and own.scaled(middle, side) for own in self.tubes),
             camera=None,

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.special import expit
 
-from uniart_jax.voxels.json_rows import LIMIT, json_rows, json_share, plain
+from uniart_jax.voxels.json_rows import LIMIT, json_numbers, json_rows, json_share, plain
 
 THRESHOLD = 0.5  # of the probability of a panel
 TRUSTED = 0.8  # share of the body from which on panels stand for it
@@ -26,15 +26,28 @@ class Panels:
       boxes: [N, 6] lower and upper corners. share: of the volume that they, and a body's legs,
         explain, less what they have beyond it.
       estimate: a network's, which voxels may correct; else boards of a part are followed as they
-        are (those of a door that stands ajar, and panels of a body, may always be corrected).
+        are (panels of a body, and those of a door that stands ajar without ``motion``, may always
+        be corrected).
+      motion: [4, 4] rigid motion from where the boards are told to where the picture shows them, of
+        a part that is told at rest and shown turned; None: as ``voxels.closed_pose`` finds it.
     """
 
     boxes: np.ndarray
     share: float
     estimate: bool = True
+    motion: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.boxes)
+
+    def scaled(self, middle: np.ndarray, side: float) -> Panels:
+        """In units of ``side``, from ``middle`` [3]."""
+        motion = self.motion
+        if motion is not None:
+            motion = motion.copy()
+            motion[:3, 3] = (motion[:3, :3] @ middle + motion[:3, 3] - middle) / side
+        boxes = (self.boxes - np.tile(middle, 2)) / side
+        return dataclasses.replace(self, boxes=boxes, motion=motion)
 
     def table(self, count: int) -> np.ndarray:
         """[count, 6] float32, zero beyond N."""
@@ -82,7 +95,8 @@ def read_boards(
 def panels_to_json(panels: Panels) -> dict[str, Any]:
     """``panels`` of a layout's JSON (``voxels.layout``)."""
     rows = [{"lower": plain(box[:3]), "upper": plain(box[3:])} for box in panels.boxes]
-    return {"share": round(panels.share, 4), "estimate": panels.estimate, "rows": rows}
+    moved = {} if panels.motion is None else {"motion": plain(panels.motion[:3], 9)}
+    return {"share": round(panels.share, 4), "estimate": panels.estimate, **moved, "rows": rows}
 
 
 def panels_from_json(data: Any, name: str = "panel", far: float = LIMIT) -> Panels | None:
@@ -98,13 +112,19 @@ def panels_from_json(data: Any, name: str = "panel", far: float = LIMIT) -> Pane
     share = json_share(data.get("share", 1.0), f"layout: {name}s: share")
     if not isinstance(estimate := data.get("estimate", False), bool):
         raise ValueError(f"layout: {name}s: estimate {estimate!r} is neither true nor false")
+    motion = None
+    if data.get("motion") is not None:
+        where = f"layout: {name}s"
+        motion = np.vstack([json_numbers(data, "motion", 12, where).reshape(3, 4), [0, 0, 0, 1]])
+        if np.abs(motion[:3, :3] @ motion[:3, :3].T - np.eye(3)).max() > 1e-3:
+            raise ValueError(f"{where}: motion is no rigid one: 3 rows of a rotation and a shift")
     boxes = []
     for k, row in enumerate(rows):
         lower, upper = (_corner(row, end, f"{name} {k}", far) for end in ("lower", "upper"))
         if (lower >= upper).any():
             raise ValueError(f"layout: {name} {k}: lower {lower.tolist()} must be below upper")
         boxes.append(np.concatenate([lower, upper]))
-    return Panels(np.stack(boxes), share, estimate) if boxes else None
+    return Panels(np.stack(boxes), share, estimate, motion) if boxes else None
 
 
 def _corner(row: dict, end: str, where: str, far: float) -> np.ndarray:

@@ -62,9 +62,11 @@ def moved_revolution(outline: Revolution | None, motion: np.ndarray) -> Revoluti
 
 def moved_boards(own: Panels | None, motion: np.ndarray) -> Panels | None:
     """The boards of a part after a rigid motion [4, 4]; those of one that turns stay as they are at
-    rest (``voxels.layout``)."""
-    if own is None or np.abs(motion[:3, :3] - np.eye(3)).max() > TILTED:
+    rest, and know the motion."""
+    if own is None or np.abs(motion - np.eye(4)).max() < 1e-9:
         return own
+    if np.abs(motion[:3, :3] - np.eye(3)).max() > TILTED:
+        return dataclasses.replace(own, motion=motion)
     return dataclasses.replace(own, boxes=own.boxes + np.tile(motion[:3, 3], 2))
 
 

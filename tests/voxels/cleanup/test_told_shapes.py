@@ -7,8 +7,10 @@ import pytest
 from fields import AT, N, assert_same, block, copy_of, field_of, place_of, solid_of
 from scipy.spatial import cKDTree
 
+from uniart_jax.objects.kinematics import Joint
 from uniart_jax.voxels.cleanup.told_shapes import with_told_shapes
 from uniart_jax.voxels.isosurface import part_mesh
+from uniart_jax.voxels.panel_table import Panels
 from uniart_jax.voxels.tube_table import Tube
 
 BODY = block((10.3, 10.3, 10.3), (30.3, 50.3, 50.3))
@@ -23,8 +25,8 @@ BARS = np.array(
 DOOR = block((48.3, 10.3, 10.3), (51.3, 50.3, 50.3))
 
 
-def at(boards):
-    return place_of(np.asarray(boards).reshape(-1, 2, 3)).reshape(-1, 6)
+def at(boards, motion=None):
+    return Panels(place_of(np.asarray(boards).reshape(-1, 2, 3)).reshape(-1, 6), 1.0, False, motion)
 
 
 @pytest.fixture
@@ -74,3 +76,22 @@ def test_a_tube_is_all_within_its_radius_of_a_path_also_of_a_part_that_moves(fie
     assert solid[away < 3.15].all() and not solid[away > 3.25].any()
     if owner == 1:
         np.testing.assert_array_equal(solid_of(after, 2), DOOR < 0)
+
+
+@pytest.mark.parametrize("angle", [-0.4, 0.7])
+def test_a_lid_that_is_told_closed_is_drawn_where_it_is_shown(field, angle):
+    """Of a part that moves, whatever is drawn of it."""
+    lid = np.array([[20.3, 14.3, 54.3, 50.3, 46.3, 58.3]])
+    hinge = place_of(np.array([50.3, 0, 54.3]))
+    motion = Joint(hinge, (0, 1.0, 0), angle=(-1.0, 1.0)).motion(angle)
+    after = with_told_shapes(field, [0, 1], {2: at(lid, motion)}, {})
+    back = np.linalg.inv(motion)
+    places = place_of(AT.reshape(3, -1).T) @ back[:3, :3].T + back[:3, 3]
+    low, high = place_of(lid.reshape(2, 3))
+    apart = np.maximum(low - places, places - high).max(1).reshape(AT.shape[1:]) * N
+    free = ~(solid_of(field, 0) | solid_of(field, 1))
+    inner = np.s_[1:-1, 1:-1, 1:-1]
+    solid = solid_of(after, 2)[inner]
+    assert (
+        solid[(apart < -0.05)[inner] & free[inner]].all() and not solid[(apart > 0.05)[inner]].any()
+    )

@@ -75,6 +75,17 @@ class FieldParts:
         return {k: own for k, own in told.items() if own is not None and len(own)}
 
     @property
+    def exact_boards(self) -> dict[int, Panels]:
+        """By id, boards that are drawn whatever voxels show: of parts that do not move, and of
+        those that are told at rest and shown turned."""
+        still = set(self.still)
+        return {
+            k: own
+            for k, own in self.boards.items()
+            if not own.estimate and (k in still or own.motion is not None)
+        }
+
+    @property
     def tubes(self) -> dict[int, Tube]:
         """By id, the tube of each part that is one."""
         told = dict(enumerate(self.layout.tubes[: self.shown]))
@@ -137,15 +148,15 @@ def _with_shapes(field: DenseField, parts: FieldParts) -> tuple[DenseField, list
     field = with_round_doors(field, body, discs)
     turning = drums(field, boxes, joints, body)
     field = with_drums(field, body, turning)
-    left -= {other.part for other in (*discs, *turning)} | set(parts.tubes)
+    left -= {other.part for other in (*discs, *turning)} | parts.tubes.keys()
+    left -= parts.exact_boards.keys()
     outlines = {k: own for k, own in parts.revolutions.items() if k in left}
     field, rounded = with_revolutions(field, boxes, drawn, outlines)
     notes += [
         f"revolution of part {parts.numbers[k]} of the layout left out: voxels show another shape"
         for k in sorted(outlines.keys() - set(rounded))
     ]
-    exact = {k: own.boxes for k, own in parts.boards.items() if k in body and not own.estimate}
-    return with_told_shapes(field, body, exact, parts.tubes), notes
+    return with_told_shapes(field, body, parts.exact_boards, parts.tubes), notes
 
 
 def _with_boards_and_trays(
@@ -156,7 +167,8 @@ def _with_boards_and_trays(
     layout, boxes, joints, body = parts.layout, parts.boxes, parts.joints, parts.body
     closed = closing_of(layout.joints, layout.boxes, layout.parents)
     left, notes = set(range(parts.shown)), []
-    boards = {k: own for k, own in parts.boards.items() if k not in body}
+    exact = parts.exact_boards
+    boards = {k: own for k, own in parts.boards.items() if k not in body and k not in exact}
     if boards:
         ajar = {k: closed[k] for k in boards if (closed[k] != np.eye(3, 4)).any()}
         built: frozenset[int] = frozenset()
