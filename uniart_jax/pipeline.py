@@ -143,7 +143,7 @@ class Pipeline(Networks):
                 f"this checkpoint is not trained yet ({', '.join(untrained[:3])}{more}): train it "
                 "first (--init), or use sample_structure, sample_latents and gaussians"
             )
-        side, most = None, self.config.model.grid.max_parts
+        side, most = None, self._most_parts
         if isinstance(layout, Layout) and len(layout) > most:
             raise ValueError(f"layout: {len(layout)} parts; this checkpoint takes {most} at most")
         if alone := image is None:
@@ -156,7 +156,11 @@ class Pipeline(Networks):
             layout = dataclasses.replace(with_usual_boards(told, side or 1.0), camera=camera)
             background = "keep"
         elif isinstance(layout, Layout):
-            layout, side = layout.normalized() if layout.metres else (layout, layout.size)
+            side = layout.size
+            if layout.metres or layout.camera is None:
+                plain, longest = layout.normalized()
+                side = longest if layout.metres else side
+                layout = dataclasses.replace(plain, camera=layout.camera)
         single = isinstance(image, (str, Path, np.ndarray))
         views: list[Any] = [image] if single else list(image)
         if not views:
@@ -260,7 +264,9 @@ class Pipeline(Networks):
         cut = self.cut_out(image, background)[0]
         margin = self.config.model.image_encoder.crop_margin
         stem = "picture" if isinstance(image, np.ndarray) else Path(image).stem
-        return ask_layout(cut, ask, self._camera_or_none(cut), margin, say, name or stem)
+        return ask_layout(
+            cut, ask, self._camera_or_none(cut), margin, say, name or stem, self._most_parts
+        )
 
     def layout_or_none(
         self, image: str | Path | np.ndarray, background: Background = "auto"
@@ -275,6 +281,10 @@ class Pipeline(Networks):
             return layout
         margin = self.config.model.image_encoder.crop_margin
         return with_camera(layout, cut_out, self._camera_or_none(cut_out), margin)
+
+    @property
+    def _most_parts(self) -> int:
+        return self.config.model.grid.max_parts
 
     def _camera_or_none(self, cut_out: np.ndarray) -> np.ndarray | None:
         found = self._layout_or_none(cut_out)

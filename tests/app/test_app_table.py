@@ -168,7 +168,10 @@ def test_answers_of_a_vision_language_model_are_told_from_tables_that_were_read(
     assert is_told(answer) and not is_told("x" * LONGEST + answer)
     answer = json.dumps(metres | {"view": {"azimuth": 30, "elevation": 20}})
     alone = followed_layout(answer, None)  # without a picture it needs no camera
-    assert not alone.metres and alone.size == pytest.approx(read_off().normalized()[1])
+    assert not alone.metres
+    words = followed_layout(f"Here:\n{json.dumps(metres)}", None)
+    assert words.size == alone.size
+    assert alone.size == pytest.approx(read_off().normalized()[1])
 
 
 @pytest.mark.parametrize(

@@ -152,6 +152,7 @@ def test_a_vision_language_model_is_judged(tmp_path, capsys):
     assert kept["settings"]["ask"] == ask
     found = judging.evaluate_layout("nano", tmp_path / "two", count=1, ask="false", predictor=Box())
     assert found["all"]["parts_right"] == 0
+    assert json.loads((tmp_path / "two/metrics.json").read_text())["settings"]["unanswered"] == [0]
     assert "object 0: ask: 'false' ended with 1" in capsys.readouterr().err
     with pytest.raises(ValueError, match="give --pred or --ask, not both"):
         judging.evaluate_layout("nano", tmp_path, pred=tmp_path, ask="false")

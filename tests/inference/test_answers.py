@@ -73,8 +73,8 @@ def test_the_example_in_the_prompt_is_an_answer():
         (lambda a: a.update(view={"azimuth": 35, "elevation": 120}), "are no degrees of a camera"),
         (lambda a: a["parts"][1]["joint"].update(shown=3), "shown 3 is not within angle"),
         (lambda a: a["parts"][1].update(parent="chest"), "parent 'chest' is no row"),
-        (lambda a: a.update(parts=[]), "must be a list of at least one part"),
-        (lambda a: a.update(parts={}), "must be a list of at least one part"),
+        (lambda a: a.update(parts=[]), "must be a list of 1 to 256 parts"),
+        (lambda a: a.update(parts={}), "must be a list of 1 to 256 parts"),
     ],
 )
 def test_what_is_wrong_is_said_in_one_line(change, problem):

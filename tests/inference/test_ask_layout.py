@@ -53,6 +53,14 @@ def test_a_model_is_asked_again_with_what_was_wrong(picture):
     assert said == ["layout: there is no JSON object"] * 2
     assert asked[0] == prompt() and "could not be used: layout: there is no JSON" in asked[1]
     assert asked[2].rstrip().endswith("no")
+    with pytest.raises(ValueError, match="ask: the model's answer is no text, but NoneType"):
+        ask_layout(picture, lambda text, path: None)
+    with pytest.raises(ValueError, match="the last: layout: 2 parts; give 1 at most"):
+        ask_layout(picture, lambda text, path: json.dumps(CHEST), most=1)
+    long = []
+    with pytest.raises(ValueError, match="3 answers"):
+        ask_layout(picture, lambda text, path: long.append(len(text)) or "x" * 300_000)
+    assert max(long) < 40_000
     with pytest.raises(ValueError, match="ask: 3 answers were no layout; the last: layout: there"):
         ask_layout(picture, lambda text, path: "no")
 
@@ -68,7 +76,8 @@ def test_the_guess_is_a_mean_unless_network_and_model_are_far_apart():
     behind = np.array(
         [np.sin(3.1), np.cos(3.1), 0.2, 1, 0.3, 0, 0]
     )  # across the seam at 180 degrees
-    assert np.cos(angles(_guess((-3.1, 0.2), behind))[0]) < -0.99
+    across = angles(_guess((-3.0, 0.2), behind))[0]
+    assert np.cos(across - (3.1 + (2 * np.pi - 6.1) / 3)) == pytest.approx(1)
 
 
 def test_a_program_is_a_model(tmp_path):
@@ -90,6 +99,12 @@ def test_what_goes_wrong_with_a_program_is_said_in_one_line(tmp_path):
     fails = f"{sys.executable} -c \"import sys; sys.exit('no key\\nwas set')\""
     with pytest.raises(ValueError, match="ended with 1: no key was set"):
         ask_command(fails)("prompt", tmp_path)
+    (tmp_path / "text").write_text("no program")
+    for cannot in (tmp_path, tmp_path / "text"):
+        with pytest.raises(ValueError, match="cannot be run"):
+            ask_command(str(cannot))("prompt", tmp_path)
+    latin = f"{sys.executable} -c \"import sys; sys.stdout.buffer.write(b'\\xff')\""
+    assert ask_command(latin)("prompt", tmp_path) == "\ufffd"
     sleeps = f'{sys.executable} -c "import time; time.sleep(60)"'
     with pytest.raises(ValueError, match=r"gave no answer in 0\.2 s"):
         ask_command(sleeps, timeout=0.2)("prompt", tmp_path)

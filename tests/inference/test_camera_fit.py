@@ -71,3 +71,25 @@ def test_a_layout_gets_the_camera_of_the_image_that_it_describes():
     image[20:220, 60:260, 3] = 255 * alpha
     camera = with_camera(CHEST, image).camera
     assert np.abs(project(camera, CORNERS) - project(true, CORNERS)).max() < 0.1
+
+
+def test_the_camera_of_what_is_thinner_than_a_pixel_is_found():
+    image = np.zeros((900, 900, 4), np.uint8)
+    image[50:850, 450:452, 3] = 255
+    pole = Layout.from_json(
+        json.dumps(
+            {
+                "schema": 1,
+                "parts": [
+                    {
+                        "parent": None,
+                        "box": {"center": [0, 0, 0], "size": [0.002, 0.002, 1]},
+                        "revolution": {"axis": "z"},
+                    }
+                ],
+            }
+        )
+    )
+    camera = with_camera(pole, image).camera
+    ends = project(camera, np.array([[0, 0, -0.5], [0, 0, 0.5]]))
+    assert abs(np.ptp(ends[:, 1]) - 2 / 1.1) < 0.1

@@ -15,7 +15,7 @@ from uniart_jax.voxels.revolution_table import (
     revolution_to_json,
 )
 
-BOX = np.array([0, 0, 0, 0.2, 0.2, 0.2])
+BOX = np.array([0, 0, 0, 0.5, 0.5, 0.5])
 ROUND = Revolution(1, np.array([0.1, -0.2]), np.linspace(0.1, 0.2, RADII))
 
 
@@ -102,7 +102,7 @@ def layout_of_two():
         ({"center": [0.1]}, "center must be 2 numbers"),
         ({"center": [0.1, float("nan")]}, "center must be 2 numbers"),
         ({"radii": []}, "radii must be 1 to 256 numbers"),
-        ({"radii": [0.1, 0]}, "radii must be 1 to 256 numbers"),
+        ({"radii": [0.1, -0.1]}, "radii must be 1 to 256 numbers"),
         ({"radii": [0.1] * 257}, "radii must be 1 to 256 numbers"),
         ({"radii": "0.1"}, "radii must be 1 to 256 numbers"),
         ({"estimate": 1}, "estimate must be true or false"),

@@ -156,3 +156,45 @@ def test_an_outline_without_numbers_is_a_cylinder_that_fills_the_box():
     np.testing.assert_allclose(own.radii, [0.02])
     with pytest.raises(ValueError, match="no entry 'radius'"):
         read(BODY, KNOB | {"parent": 0, "revolution": {"axis": "x", "radius": 0.1}})
+
+
+def test_a_flat_part_that_is_shown_turned_is_a_plate():
+    lid = {name: value for name, value in LID.items() if name != "shape"}
+    assert not read(BODY, lid).boards
+    own = read(BODY, told(lid, shown=0.5)).boards[1]
+    np.testing.assert_allclose(own.boxes, [[-0.2, -0.3, 0.4, 0.2, 0.3, 0.44]], atol=1e-9)
+    joint = Joint(np.array([0.2, 0, 0.4]), (0, 1.0, 0), angle=(0.0, 1.5))
+    np.testing.assert_allclose(own.motion, joint.motion(0.5), atol=1e-9)
+    thick = lid | {"box": {"center": [0, 0, 0.5], "size": [0.4, 0.6, 0.2]}}
+    assert not read(BODY, told(thick, shown=0.5)).boards
+    again = Layout.from_json(read(BODY, told(lid, shown=0.5)).normalized()[0].to_json())
+    scaled = read(BODY, told(lid, shown=0.5)).normalized()[0].boards[1]
+    np.testing.assert_allclose(again.boards[1].motion, scaled.motion, atol=1e-6)
+    assert not read(BODY, told(lid | {"revolution": {"axis": "z"}}, shown=0.5)).boards
+
+
+@pytest.mark.parametrize("outline", [None, {"axis": "z"}])
+def test_what_is_round_about_the_axis_that_it_turns_about_keeps_its_box(outline):
+    spin = {"direction": [0, 0, 1], "angle": [0, 6.28], "shown": 0.785}
+    box = {"center": [0, 0, 0.45], "size": [0.6, 0.6, 0.1]}
+    disc = {"name": "disc", "parent": "body", "box": box, "joint": spin, "revolution": outline}
+    np.testing.assert_allclose(read(BODY, disc).boxes[1], [0, 0, 0.45, 0.6, 0.6, 0.1], atol=1e-9)
+    lid = told(LID, shown=0.5)  # on a lid that stands open its box is the one around it
+    knob = disc | {"parent": "lid", "box": box | {"size": [0.1, 0.1, 0.1]}}
+    assert read(BODY, lid, knob).boxes[2, 5] == pytest.approx(0.1 * (np.cos(0.5) + np.sin(0.5)))
+
+
+def test_radii_that_do_not_fit_are_refused():
+    with pytest.raises(ValueError, match=r"a radius of 5 does not fit into its box; 0\.02 is half"):
+        read(BODY, KNOB | {"parent": 0, "revolution": {"axis": "x", "radii": [5]}})
+
+
+def test_a_lever_that_is_shown_turned_is_drawn_where_it_is():
+    lever = told(LID, angle=[-0.5, 0.5], shown=0.3)
+    own = read(BODY, lever).boards[1]
+    joint = Joint(np.array([0.2, 0, 0.4]), (0, 1.0, 0), angle=(-0.5, 0.5))
+    np.testing.assert_allclose(own.motion, joint.motion(0.3), atol=1e-9)
+    handle = {"name": "handle", "parent": "lid", "shape": "box",
+              "box": {"center": [-0.1, 0, 0.46], "size": [0.05, 0.2, 0.04]}}  # fmt: skip
+    own = read(BODY, lever, handle).boards[2]
+    np.testing.assert_allclose(own.motion, joint.motion(0.3), atol=1e-9)

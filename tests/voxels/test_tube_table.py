@@ -73,3 +73,5 @@ def test_bad_ones_are_refused_in_one_line(change, words):
         read({"tube": BENT | change})
     with pytest.raises(ValueError, match="part 1: tube: give an object"):
         read({"tube": [1]})
+    with pytest.raises(ValueError, match="part 1: a tube goes without boards and revolution"):
+        read({"tube": BENT, "revolution": {"axis": "z"}})

@@ -43,7 +43,9 @@ def table_text(layout: Layout) -> str:
     data = _short(json.loads(layout.to_json()))
     parts, other = data.pop("parts"), ("boards", "revolution", "tube")
     lines = [
-        f'"{name}": {_line(data[name])}' for name in ("schema", "frame", "camera") if data[name]
+        f'"{name}": {_line(data[name])}'
+        for name in ("schema", "frame", "camera", "size")
+        if data[name]
     ]
     rows = []
     for row in parts:
@@ -54,6 +56,8 @@ def table_text(layout: Layout) -> str:
         row["joint"] = {**joint, **{name: ends for name, ends in spans.items() if any(ends)}}
         if joint["type"] == "fixed" or not {"angle", "travel"} & set(row["joint"]):
             row["joint"] = {"type": "fixed"}
+        if "tube" in row:
+            del row["box"]
         kept = {name: value for name, value in row.items() if name not in other}
         further = [f'"{name}": {_line(row[name])}' for name in other if row.get(name)]
         rows.append(",\n    ".join([_line(kept)[:-1], *further]) + "}")
@@ -81,7 +85,7 @@ def followed_layout(text: Any, read: Layout | None) -> Layout:
         return read
     if not text.strip():
         raise ValueError("table: it is empty; paste one, or take an example")
-    if read is None and "view" in (find_json(text) if is_told(text) else ()):
+    if read is None and is_told(text) and not _is_plain(text):
         return read_answer(text)[0]
     layout = dataclasses.replace(Layout.from_json(text), certainty=None)
     if read is None:
@@ -105,6 +109,14 @@ def is_told(text: Any) -> bool:
     except ValueError:
         return False
     return "view" in data or data.get("units") == "m"
+
+
+def _is_plain(text: str) -> bool:
+    """Whether a text is a layout's JSON and nothing else."""
+    try:
+        return "view" not in json.loads(text)
+    except (ValueError, RecursionError):
+        return False
 
 
 def is_unchanged(text: str, read: Layout) -> bool:

@@ -36,7 +36,7 @@ def layout(
           layout network.
         threshold: Least confidence of a part that is kept, in 0..1.
         ask: A command that shows {image} to a vision-language model, the prompt on its standard
-          input or in {prompt}, and prints the answer: parts come from it (docs/layouts.md).
+          input or in {prompt}, and prints the answer: parts come from it (docs/vision_models.md).
     """
     if not images:
         raise ValueError("layout: give at least one image file")

@@ -82,7 +82,7 @@ def sample(
           the voxels.
         ask: A command that shows {image} to a vision-language model, with the prompt on its
           standard input or in {prompt}, and prints the answer, as "llm -a {image}": the object
-          follows the parts that it tells (docs/layouts.md).
+          follows the parts that it tells (docs/vision_models.md).
         texture: Colours: "both" takes what the picture shows from the picture, and the rest as it
           is likely to be by what is seen and by the decoder; "network" all from the decoder.
         refine: Draw in limits and shift axes a little where a joint runs into the object

@@ -229,8 +229,8 @@ def evaluate_layout(
         assert predictor is not None  # given, or the checkpoint's
         layouts = [read_layout(found) for found in predictor(crops)]
     if ask is not None:
-        layouts = _asked(ask, seen, layouts, margin)
-        settings["ask"] = ask
+        layouts, unanswered = _asked(ask, seen, layouts, margin)
+        settings |= {"ask": ask, "unanswered": unanswered}
     found = judge(layouts, tests)
     if root is not None:
         found["objects"] = [t.name for t in tests]
@@ -254,7 +254,7 @@ def _read(path: Path) -> Layout:
 
 def without_fixed(layout: Layout) -> Layout:
     """A layout in which rows that are fixed to others are one with them, as true objects have it: a
-    box around both."""
+    box around both. Of layouts that are told; those of networks are judged as they are."""
     corners, parents = box_corners(layout.boxes), list(layout.parents)
     fixed = {
         k for k, joint in enumerate(layout.joints) if parents[k] >= 0 and joint.type == "fixed"
@@ -277,18 +277,19 @@ def without_fixed(layout: Layout) -> Layout:
 
 def _asked(
     line: str, pictures: Sequence[np.ndarray], found: Sequence[Layout], margin: float
-) -> list[Layout]:
-    """What a vision-language model tells of each picture [H, W, 4]; ``found``: the network's, whose
-    cameras are guesses, and whose layout counts where no answer is one."""
-    ask, layouts = ask_command(line), []
+) -> tuple[list[Layout], list[int]]:
+    """What a vision-language model tells of each picture [H, W, 4], and of which no answer is a
+    layout; ``found``: the network's, which counts there, and whose cameras are guesses."""
+    ask, layouts, unanswered = ask_command(line), [], []
     for i in track(range(len(pictures)), "answers", len(pictures)):
         try:
             told = ask_layout(pictures[i], ask, found[i].camera, margin, name=str(i))
         except ValueError as error:
             console.print(f"object {i}: {error}; the network's layout counts", markup=False)
+            unanswered.append(i)
             told = found[i]
         layouts.append(without_fixed(told))
-    return layouts
+    return layouts, unanswered
 
 
 def table(found: dict[str, Any]) -> Table:

@@ -8,16 +8,20 @@ import json
 import math
 from typing import Any
 
+import numpy as np
+
 from uniart_jax.voxels.json_rows import check_names, json_numbers
-from uniart_jax.voxels.layout import SCHEMA, Layout
+from uniart_jax.voxels.layout import MOST_PARTS, SCHEMA, Layout
 
 VIEW = ("azimuth", "elevation")
+THINNEST = 1e-3  # object units, of a side of a box
 STARTS = 200  # braces of a text at which its JSON may begin
 
 
-def read_answer(text: str) -> tuple[Layout, tuple[float, float] | None]:
+def read_answer(text: str, most: int = MOST_PARTS) -> tuple[Layout, tuple[float, float] | None]:
     """The layout in an answer, with or without words around it, in object units, as the picture
-    shows it, with its size; and azimuth and elevation of the camera, radians, or None.
+    shows it, with its size; and azimuth and elevation of the camera, radians, or None. ``most``:
+    parts that it may have.
 
     Raises:
       ValueError: one line that says what is wrong.
@@ -25,8 +29,12 @@ def read_answer(text: str) -> tuple[Layout, tuple[float, float] | None]:
     data = {"schema": SCHEMA, "units": "m"} | find_json(text)
     view = _view(data.pop("view", None))
     told = Layout.from_json(json.dumps(data))
+    if len(told) > most:
+        raise ValueError(f"layout: {len(told)} parts; give {most} at most")
     layout, side = told.normalized()
-    return dataclasses.replace(layout, size=side if told.metres else told.size), view
+    boxes = layout.boxes.copy()
+    boxes[:, 3:] = np.maximum(boxes[:, 3:], THINNEST)
+    return dataclasses.replace(layout, boxes=boxes, size=side if told.metres else told.size), view
 
 
 def find_json(text: str) -> dict[str, Any]:

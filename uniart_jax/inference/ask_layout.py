@@ -21,13 +21,14 @@ from PIL import Image
 from uniart_jax.data.images import MARGIN, crop
 from uniart_jax.inference.answers import read_answer
 from uniart_jax.inference.camera_fit import USUAL, with_camera
-from uniart_jax.voxels.layout import Layout
+from uniart_jax.voxels.layout import MOST_PARTS, Layout
 
 SIDE = 768  # pixels of the picture that is shown
 TRIES = 3  # answers that are asked for, where they cannot be used
 APART = np.radians(40.0)  # between the views of network and model: the model's is taken
 TRUST = 2.0  # weight of the network's view, the model's 1, where they are nearer
 GRAY = 235
+ECHOED = 20_000  # characters of an answer that the model is shown again
 AGAIN = (
     "Your last answer, below, could not be used: {problem}. Answer once more, with the whole JSON."
 )
@@ -61,11 +62,14 @@ def ask_command(line: str, timeout: float = 600.0) -> Ask:
         filled = [functools.reduce(lambda w, v: w.replace(*v), values.items(), w) for w in words]
         try:
             done = subprocess.run(
-                filled, input=None if told else text, capture_output=True, text=True,
+                filled, input=None if told else text, capture_output=True,
+                encoding="utf-8", errors="replace",
                 timeout=timeout, check=False, stdin=subprocess.DEVNULL if told else None,
             )  # fmt: skip
         except FileNotFoundError:
             raise FileNotFoundError(f"ask: there is no program '{words[0]}'") from None
+        except OSError as error:
+            raise ValueError(f"ask: '{words[0]}' cannot be run ({error.strerror})") from None
         except subprocess.TimeoutExpired:
             raise ValueError(f"ask: '{words[0]}' gave no answer in {timeout:g} s") from None
         if done.returncode:
@@ -83,6 +87,7 @@ def ask_layout(
     margin: float = MARGIN,
     say: Callable[[str], None] = lambda problem: None,
     name: str = "picture",
+    most: int = MOST_PARTS,
 ) -> Layout:
     """The layout of an object that a vision-language model tells.
 
@@ -90,7 +95,7 @@ def ask_layout(
       cut_out: [H, W, 4] uint8, the object cut out. ask: the model; it is asked again, with what is
         wrong, where its answer is no layout. guess: the layout network's camera code [7], or None.
       margin: of the crop that networks see (``data.images.crop``). say: called with what was wrong.
-      name: of the picture's file, without its suffix.
+      name: of the picture's file, without its suffix. most: parts that are taken.
 
     Returns:
       In object units, as the picture shows it, with its camera, its size and the parts' names.
@@ -99,21 +104,25 @@ def ask_layout(
       ValueError: none of ``TRIES`` answers is a layout. What ``ask`` raises.
     """
     with tempfile.TemporaryDirectory() as folder:
-        picture = Path(folder) / f"{name}.png"
+        picture = Path(folder) / f"{Path(name).name}.png"
         shown_picture(cut_out, margin).save(picture)
-        layout, view = _answer(picture, ask, say)
+        layout, view = _answer(picture, ask, say, most)
     return with_camera(layout, cut_out, _guess(view, guess), margin)
 
 
 def told_layout(
-    text: str, cut_out: np.ndarray, guess: np.ndarray | None = None, margin: float = MARGIN
+    text: str,
+    cut_out: np.ndarray,
+    guess: np.ndarray | None = None,
+    margin: float = MARGIN,
+    most: int = MOST_PARTS,
 ) -> Layout:
     """``ask_layout`` of an answer that is there already.
 
     Raises:
       ValueError: one line that says what is wrong with it.
     """
-    layout, view = read_answer(text)
+    layout, view = read_answer(text, most)
     return with_camera(layout, cut_out, _guess(view, guess), margin)
 
 
@@ -124,17 +133,19 @@ def shown_picture(cut_out: np.ndarray, margin: float = MARGIN) -> Image.Image:
 
 
 def _answer(
-    picture: Path, ask: Ask, say: Callable[[str], None]
+    picture: Path, ask: Ask, say: Callable[[str], None], most: int
 ) -> tuple[Layout, tuple[float, float] | None]:
     text, problem = prompt(), ""
     for _ in range(TRIES):
         told = ask(text, picture)
+        if not isinstance(told, str):
+            raise ValueError(f"ask: the model's answer is no text, but {type(told).__name__}")
         try:
-            return read_answer(told)
+            return read_answer(told, most)
         except ValueError as error:
             problem = str(error)
             say(problem)
-            text = f"{prompt()}\n{AGAIN.format(problem=problem)}\n\n{told.strip()}\n"
+            text = f"{prompt()}\n{AGAIN.format(problem=problem)}\n\n{told.strip()[:ECHOED]}\n"
     raise ValueError(f"ask: {TRIES} answers were no layout; the last: {problem}")
 
 

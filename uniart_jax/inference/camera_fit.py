@@ -39,7 +39,8 @@ def with_camera(
 ) -> Layout:
     """A layout in object units with the camera that sees it as an image [H, W, 4] uint8, the
     object cut out, shows its object. guess: a code [7] that may be right. margin: of the crop."""
-    mask = crop_mask(cut_out, SIDE, margin) > 127
+    mask = crop_mask(cut_out, SIDE, margin)
+    mask = mask > min(127, mask.max() // 2)  # also of what is thinner than a pixel
     return dataclasses.replace(layout, camera=fit_camera(layout, mask, guess)[0])
 
 
@@ -97,7 +98,14 @@ def _convex_pieces(layout: Layout) -> list[np.ndarray]:
         for part in solids(layout).parts
         for piece in trimesh.graph.split(part.mesh, only_watertight=False)
     ]
-    return [np.asarray(piece.convex_hull.vertices) for piece in pieces]
+    return [_corners(piece) for piece in pieces]
+
+
+def _corners(piece: trimesh.Trimesh) -> np.ndarray:
+    try:
+        return np.asarray(piece.convex_hull.vertices)
+    except QhullError:  # it is flat
+        return np.asarray(piece.vertices)
 
 
 def _hull(points: np.ndarray) -> np.ndarray:
@@ -126,7 +134,7 @@ def _placed(x: np.ndarray, shapes: list[np.ndarray], window: np.ndarray) -> np.n
     code = np.array([np.sin(x[0]), np.cos(x[0]), x[1], 1.0, x[2], 0.0, 0.0])
     spots = project(code, np.concatenate(shapes))
     low, high = spots.min(0), spots.max(0)
-    wide = np.maximum(high - low, 1e-6)
-    code[3] = np.sqrt(np.prod(window[1] - window[0]) / np.prod(wide))
+    longer = int((window[1] - window[0]).argmax())
+    code[3] = (window[1] - window[0])[longer] / max(float((high - low)[longer]), 1e-6)
     code[5:] = code[3] * (low + high) / 2 - window.mean(0)
     return code

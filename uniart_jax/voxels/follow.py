@@ -68,7 +68,7 @@ def assemble_layout(
 
     Returns:
       Parts 'base', 'link_1', ... or as the layout names them, parents first; meshes are closed. A
-      row that is fixed and told as boards or as a tube is a piece of what carries it. A
+      row that is fixed and told as boards, a tube or an outline is a piece of what carries it. A
     small row that voxels hardly show, or that turns about its middle, and a turntable are made of
       their boxes (``primitive_parts``). Another that no voxel shows, or a fixed one of which they
       show a fragment, is left out; its children hang on its parent. ``provenance`` tells of all.
@@ -235,11 +235,14 @@ def _kinds(
 
 
 def _drawn_as_told(layout: Layout) -> set[int]:
-    """Rows that are drawn whatever voxels show: tubes, and boards of what does not move."""
+    """Rows that are drawn whatever voxels show: tubes; boards and outlines that are told, of what
+    does not move; boards of what is told at rest and shown turned."""
     still = still_parts(layout.parents, layout.joints)
     tubes = {k for k, own in enumerate(layout.tubes) if own is not None}
     told = {k: own for k, own in enumerate(layout.boards) if own is not None and not own.estimate}
-    return tubes | {k for k, own in told.items() if k in still or own.motion is not None}
+    round_ = {k for k, own in enumerate(layout.revolutions) if own is not None and not own.estimate}
+    turned = {k for k, own in told.items() if own.motion is not None}
+    return tubes | turned | ((round_ | told.keys()) & set(still))
 
 
 def _is_fragment(mesh: trimesh.Trimesh, layout: Layout, row: int) -> bool:

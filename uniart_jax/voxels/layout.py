@@ -2,7 +2,7 @@
 network is of it.
 
 As JSON (``to_json``, ``from_json``), angles in radians, colours sRGB in 0..1, lengths in object
-units, of the frame that it names, or in metres, anywhere, where there is no picture:
+units, of the frame that it names, or in metres, anywhere:
 
     {"schema": 1, "frame": "object: z up, front at -x, shown state, longest side 1, centred",
      "units": "object" (if left out) or "m",
@@ -34,9 +34,9 @@ the place of what voxels show there, unless that is another body. Boards are the
 moves, all that it is built of, of a door that stands ajar as it lies closed (``closed_pose``):
 where that is follows from its joint and its box, so whoever edits these edits its boards too, and
 takes ``estimate`` away: they are followed as they are then, and nothing else is drawn of the part.
-Of what does not move they are not used, and ``provenance`` says so. A network's panels and boards
-are kept where their share is high, boards not of a disc that turns about its middle. A part with a
-revolution becomes that solid of revolution, where voxels show no other shape and it is not made of
+A network's boards of what does not move are not used, and ``provenance`` says so. A network's
+panels and boards are kept where their share is high, boards not of a disc that turns about its
+middle. A part with a revolution becomes that solid of revolution, where voxels show no other shape and it is not made of
 its box or its boards, or as a tray, a disc or a drum; a spout or a handle is kept where the part's
 box reaches beyond it. Whoever edits its box edits ``center`` and ``radii``
 too, and takes ``estimate`` away, which a network's outlines have.
@@ -84,7 +84,12 @@ from uniart_jax.voxels.revolution_table import (
     revolution_from_json,
     revolution_to_json,
 )
-from uniart_jax.voxels.shown_state import at_shown, moved_boards, moved_revolution
+from uniart_jax.voxels.shown_state import (
+    at_shown,
+    moved_boards,
+    moved_revolution,
+    usual_plates,
+)
 from uniart_jax.voxels.tube_table import Tube, tube_from_json, tube_to_json
 
 SCHEMA = 1
@@ -93,6 +98,7 @@ WHOLE = (
     "schema", "frame", "units", "camera", "certainty", "size", "parts", "legs", "panels"
 )  # fmt: skip
 SIZES = (0.01, 20.0)  # metres of the longest side
+MOST_PARTS = 256  # of JSON
 ROOT = -1  # name of the virtual root
 
 
@@ -296,9 +302,9 @@ class Layout:
     @staticmethod
     def from_json(text: str) -> Layout:
         """Read ``to_json``'s text. ``units``, ``camera``, ``certainty``, ``legs`` and ``panels``
-        may be left out; of a part ``name``, ``color``, ``confidence``, ``boards``, ``revolution``
-        and, where it is fixed, ``joint``; of a joint ``type``, ``origin`` (the middle of the box)
-        and ``angle`` or ``travel``.
+        may be left out, and ``size``; of a part ``name``, ``color``, ``confidence``, ``shape``,
+        ``boards``, ``revolution``, ``tube`` and, where it is fixed, ``joint``; of a joint ``type``,
+        ``origin`` (the middle of the box), ``shown`` and ``angle`` or ``travel``.
 
         Raises:
           ValueError: one line that names the row and the field.
@@ -313,8 +319,8 @@ class Layout:
         rows, units = data.get("parts"), data.get("units", "object")
         if units not in ("object", "m"):
             raise ValueError(f'layout: units {units!r}; give "m" (metres) or "object"')
-        if not isinstance(rows, list) or not rows:
-            raise ValueError('layout: "parts" must be a list of at least one part')
+        if not isinstance(rows, list) or not 0 < len(rows) <= MOST_PARTS:
+            raise ValueError(f'layout: "parts" must be a list of 1 to {MOST_PARTS} parts')
         far = FARTHEST if units == "m" else LIMIT
         boxes, joints, parents, colors, confidence = [], [], [], [], []
         boards, revolutions, names, shown, tubes = [], [], [], [], []
@@ -344,7 +350,10 @@ class Layout:
             revolutions.append(revolution_from_json(row.get("revolution"), where, boxes[k], far))
         check_tree(parents)
         if any(shown):
-            boxes, joints, moves = at_shown(np.array(boxes), joints, parents, shown)
+            plain = [not any(one) for one in zip(boards, revolutions, tubes, strict=True)]
+            plates = usual_plates(np.array(boxes), joints, shown, units)
+            boards = [plates[k] if plain[k] else own for k, own in enumerate(boards)]
+            boxes, joints, moves = at_shown(np.array(boxes), joints, parents, shown, revolutions)
             revolutions = [moved_revolution(*one) for one in zip(revolutions, moves, strict=True)]
             boards = [moved_boards(*one) for one in zip(boards, moves, strict=True)]
             tubes = [own and own.moved(move) for own, move in zip(tubes, moves, strict=True)]

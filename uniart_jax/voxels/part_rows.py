@@ -57,6 +57,10 @@ def part_boards(row: dict, box: np.ndarray, where: str, far: float) -> Panels | 
         if any(row.get(name) is not None for name in SHAPES):
             raise ValueError(f'{where}: shape "box" goes without {", ".join(SHAPES)}')
         return Panels(box_corners(box)[None], 1.0, estimate=False)
+    if row.get("tube") is not None and any(
+        row.get(n) is not None for n in ("boards", "revolution")
+    ):
+        raise ValueError(f"{where}: a tube goes without boards and revolution")
     return panels_from_json(row.get("boards"), f"{where.removeprefix('layout: ')}: board", far)
 
 
@@ -94,7 +98,7 @@ def part_joint(row: dict, parent: int | None, middle: np.ndarray, where: str) ->
             travel=(float(travel[0]), float(travel[1])),
         )
     except ValueError as error:
-        raise ValueError(f"{where}: joint: {error}") from None
+        raise ValueError(f"{where}: {error}") from None
 
 
 def part_shown(row: dict, joint: Joint, where: str) -> float:

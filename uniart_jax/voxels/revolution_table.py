@@ -14,7 +14,8 @@ from uniart_jax.voxels.json_rows import LIMIT, check_names, plain
 RADII = 8  # of a part that is trained on, at the middles of as many equal layers
 SURE = 0.6  # least probability that a part is a solid of revolution
 SMALLEST = 0.002  # object units, of a network's radius
-LEAST = 1e-5  # of a radius that is told, in any units
+LEAST = 1e-9  # of a radius that is told, in any units
+WIDER = 1.1  # that it may be beyond half of the box's wider side
 MOST_RADII = 256  # of JSON
 AXES = "xyz"
 ENTRIES = ("axis", "center", "radii", "estimate")
@@ -107,14 +108,19 @@ def revolution_from_json(
     center = _numbers(data.get("center", middle.tolist()), -far, far)
     if center is None or len(center) != 2:
         raise ValueError(f"{where}: revolution: center must be 2 numbers in {-far:g}..{far:g}")
-    radii = _numbers(data.get("radii", [max(float(sides.min()) / 2, LEAST)]), LEAST, far)
+    radii = _numbers(data.get("radii", [float(sides.min()) / 2]), 0, far)
     if radii is None or not 1 <= len(radii) <= MOST_RADII:
         raise ValueError(
-            f"{where}: revolution: radii must be 1 to {MOST_RADII} numbers in {LEAST:g}..{far:g}"
+            f"{where}: revolution: radii must be 1 to {MOST_RADII} numbers in 0..{far:g}"
+        )
+    if not data.get("estimate") and radii.max() > WIDER * sides.max() / 2:
+        raise ValueError(
+            f"{where}: revolution: a radius of {radii.max():g} does not fit into its box; "
+            f"{sides.max() / 2:g} is half of the wider side"
         )
     if not isinstance(estimate := data.get("estimate", False), bool):
         raise ValueError(f"{where}: revolution: estimate must be true or false")
-    return Revolution(axis, center, radii, estimate)
+    return Revolution(axis, center, np.maximum(radii, LEAST), estimate)
 
 
 def _numbers(values: Any, least: float, most: float) -> np.ndarray | None:

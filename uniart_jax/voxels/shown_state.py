@@ -10,20 +10,28 @@ import numpy as np
 
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.voxels.joint_code import box_corners
+from uniart_jax.voxels.opening_direction import round_about
 from uniart_jax.voxels.panel_table import Panels
 from uniart_jax.voxels.revolution_table import Revolution
 
+PLATE = 0.25  # thickness of a plate, as a share of its next longer side, at most
+FLAT = 0.06  # metres, its thickness at most
 TILTED = 1e-3  # of a direction's cosine: a solid of revolution that is turned by more is none
 
 
 def at_shown(
-    boxes: np.ndarray, joints: Sequence[Joint], parents: Sequence[int], shown: Sequence[float]
+    boxes: np.ndarray,
+    joints: Sequence[Joint],
+    parents: Sequence[int],
+    shown: Sequence[float],
+    outlines: Sequence[Revolution | None] = (),
 ) -> tuple[np.ndarray, list[Joint], np.ndarray]:
     """Boxes and joints where the joints stand at ``shown``.
 
     Args:
       boxes: [K, 6] centre and size, at rest. joints: at rest, in the same frame. parents: rows, -1
-        for the root. shown: K coordinates, radians or, of slides, lengths.
+        for the root. shown: K coordinates, radians or, of slides, lengths. outlines: of parts that
+        are round: those that turn about their own axis, as knobs do, keep their boxes.
 
     Returns:
       The boxes around the moved boxes, joints whose coordinate 0 is what is shown, and the motions
@@ -40,6 +48,10 @@ def at_shown(
     ends = box_corners(np.asarray(boxes, np.float64)).reshape(-1, 2, 3)
     choice = np.array(np.meshgrid([0, 1], [0, 1], [0, 1])).reshape(3, -1).T
     corners = ends[:, choice, np.arange(3)]  # [K, 8, 3]
+    for k, (box, joint, parent) in enumerate(zip(boxes, joints, parents, strict=True)):
+        if _spins(box, joint, outlines[k] if outlines else None):  # its own turn is undone
+            own = moves[k, :3, :3].T @ motions[parent][:3, :3]
+            corners[k] = (corners[k] - box[:3]) @ own.T + box[:3]
     corners = np.einsum("kij,kcj->kci", moves[:, :3, :3], corners) + moves[:, None, :3, 3]
     low, high = corners.min(1), corners.max(1)
     moved = [
@@ -47,6 +59,15 @@ def at_shown(
         for joint, q, parent in zip(joints, shown, parents, strict=True)
     ]
     return np.concatenate([(low + high) / 2, high - low], 1), moved, moves
+
+
+def _spins(box: np.ndarray, joint: Joint, outline: Revolution | None) -> bool:
+    """Whether a part is round about the axis that it turns about."""
+    if not joint.rotates:
+        return False
+    if outline is not None:
+        return abs(joint.direction[outline.axis]) > 1 - TILTED
+    return round_about(box[:3], box[3:], joint) is not None
 
 
 def moved_revolution(outline: Revolution | None, motion: np.ndarray) -> Revolution | None:
@@ -68,6 +89,21 @@ def moved_boards(own: Panels | None, motion: np.ndarray) -> Panels | None:
     if np.abs(motion[:3, :3] - np.eye(3)).max() > TILTED:
         return dataclasses.replace(own, motion=motion)
     return dataclasses.replace(own, boxes=own.boxes + np.tile(motion[:3, 3], 2))
+
+
+def usual_plates(
+    boxes: np.ndarray, joints: Sequence[Joint], shown: Sequence[float], units: str
+) -> list[Panels | None]:
+    """The boards of flat parts, as lids and doors, that are told at rest and shown turned: each is
+    one plate, which voxels draw ragged; None of other parts. ``boxes`` [K, 6]: at rest."""
+    found: list[Panels | None] = []
+    for box, joint, q in zip(boxes, joints, shown, strict=True):
+        thin, next_ = np.sort(box[3:])[:2]
+        flat = thin < PLATE * next_ and (units != "m" or thin < FLAT)
+        turned = bool(q) and joint.type == "revolute"
+        board = np.concatenate([box[:3] - box[3:] / 2, box[:3] + box[3:] / 2])
+        found.append(Panels(board[None], 1.0, estimate=False) if flat and turned else None)
+    return found
 
 
 def _counted_from(joint: Joint, q: float) -> Joint:

@@ -13,7 +13,6 @@ from uniart_jax.voxels.json_rows import LIMIT, check_names, plain
 
 ENTRIES = ("points", "radius")
 MOST_POINTS = 64  # of JSON
-LEAST = 1e-5  # of a radius, in any units
 
 
 @dataclasses.dataclass(frozen=True)
@@ -56,7 +55,7 @@ class Tube:
 
 def tube_to_json(tube: Tube) -> dict[str, Any]:
     """``tube`` of a part in a layout's JSON (``voxels.layout``)."""
-    return {"points": [plain(p) for p in tube.points], "radius": round(tube.radius, 6)}
+    return {"points": [plain(p) for p in tube.points], "radius": round(tube.radius, 9)}
 
 
 def tube_from_json(data: Any, where: str, far: float = LIMIT) -> Tube | None:
@@ -78,8 +77,8 @@ def tube_from_json(data: Any, where: str, far: float = LIMIT) -> Tube | None:
             f"{where}: tube: points must be 2 to {MOST_POINTS} of 3 numbers in {-far:g}..{far:g}"
         )
     radius: Any = data.get("radius")
-    if type(radius) not in (int, float) or not LEAST <= radius <= far:
-        raise ValueError(f"{where}: tube: radius must be a number in {LEAST:g}..{far:g}")
+    if type(radius) not in (int, float) or not 0 < radius <= far:
+        raise ValueError(f"{where}: tube: radius must be a number above 0, up to {far:g}")
     return Tube(np.array(points, np.float64), float(radius))
 
 
