@@ -717,9 +717,9 @@ MUTANTS = (
         "::test_a_drawer_is_open_above_and_has_its_front_where_it_opens",
     ),
     Mutant(
-        "uniart_jax/voxels/layout.py",
-        "(own.boxes - corners) / side",
-        "own.boxes / side",
+        "uniart_jax/voxels/panel_table.py",
+        "(self.boxes - np.tile(middle, 2)) / side",
+        "self.boxes / side",
         "tests/voxels/test_layout_json.py::test_a_layout_in_metres_becomes_one_in_object_units",
     ),
     Mutant(
@@ -828,5 +828,18 @@ MUTANTS = (
         "return k",
         "tests/evaluation/test_layout_metrics.py::test_layouts_in_metres_and_rows_that_are_fixed_"
         "are_judged_as_objects_have_them",
+    ),
+    Mutant(
+        "uniart_jax/voxels/shown_state.py",
+        "return dataclasses.replace(own, motion=motion)",
+        "return own",
+        "tests/voxels/test_shown_state.py::test_a_lever_that_is_shown_turned_is_drawn_where_it_is",
+    ),
+    Mutant(
+        "uniart_jax/voxels/follow.py",
+        "fixed and place[up] < shown",
+        "False",
+        "tests/voxels/test_follow.py"
+        "::test_a_row_that_is_fixed_and_told_is_a_piece_of_what_carries_it",
     ),
 )  # fmt: skip

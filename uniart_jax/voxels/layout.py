@@ -29,16 +29,16 @@ units, of the frame that it names, or in metres, anywhere:
                 revolution, "rows": [{"lower": [3], "upper": [3] corner}]}}
 
 Legs carry what does not move. ``alone``: it has nothing else below their upper ends, and what
-voxels show there is taken away. Panels are the boards that it is built of; those within it take
-the place of what voxels show there, unless that is another body. Boards are the same of a part that
+voxels show there is taken away. Panels are the boards that it is built of; those within it take the
+place of what voxels show there, unless that is another body. Boards are the same of a part that
 moves, all that it is built of, of a door that stands ajar as it lies closed (``closed_pose``):
 where that is follows from its joint and its box, so whoever edits these edits its boards too, and
 takes ``estimate`` away: they are followed as they are then, and nothing else is drawn of the part.
 A network's boards of what does not move are not used, and ``provenance`` says so. A network's
 panels and boards are kept where their share is high, boards not of a disc that turns about its
-middle. A part with a revolution becomes that solid of revolution, where voxels show no other shape and it is not made of
-its box or its boards, or as a tray, a disc or a drum; a spout or a handle is kept where the part's
-box reaches beyond it. Whoever edits its box edits ``center`` and ``radii``
+middle. A part with a revolution becomes that solid of revolution, where voxels show no other shape
+and it is not made of its box or its boards, or as a tray, a disc or a drum; a spout or a handle is
+kept where the part's box reaches beyond it. Whoever edits its box edits ``center`` and ``radii``
 too, and takes ``estimate`` away, which a network's outlines have.
 
 A part's ``type`` is for readers; it follows from the two spans (``objects.kinematics.Joint``) and
