@@ -101,8 +101,8 @@ def usual_plates(
         thin, next_ = np.sort(box[3:])[:2]
         flat = thin < PLATE * next_ and (units != "m" or thin < FLAT)
         turned = bool(q) and joint.type == "revolute"
-        board = np.concatenate([box[:3] - box[3:] / 2, box[:3] + box[3:] / 2])
-        found.append(Panels(board[None], 1.0, estimate=False) if flat and turned else None)
+        plate = Panels(box_corners(box)[None], 1.0, estimate=False)
+        found.append(plate if flat and turned else None)
     return found
 
 
