@@ -114,6 +114,13 @@ def test_a_door_and_a_level_drawer_hardly_resist():
     assert drawer.start == pytest.approx(drawer.friction, rel=0.01)
 
 
+@pytest.mark.parametrize(("travel", "newtons"), [(0.003, 1.5), (0.01, 5.0), (0.3, 5.0)])
+def test_a_key_takes_less_than_a_drawer(travel, newtons):
+    slide, small = Joint(np.zeros(3), (-1.0, 0, 0), travel=(0.0, travel)), [0.02, 0.02, 0.01]
+    (made,) = dynamics(two_parts(slide, child=trimesh.creation.box(small)))[1:]
+    assert made.friction == pytest.approx(newtons)
+
+
 def test_a_lift_is_held_by_its_weight_and_a_screw_by_its_pitch():
     weight = 0.1 * 0.5**3 * 500 * 9.81
     lift = dynamics(two_parts(Joint([0, 0, 0], [0, 0, 1], travel=(0, 0.5)), 0.5))[1]

@@ -22,6 +22,7 @@ LIGHTEST, USUAL, HEAVIEST = (
     12.0,
     22.0,
 )  # N at the handle: of any joint, without a load, at the most
+SHORT = 0.01  # m: what travels less, as a key or a button, takes so much less than LIGHTEST
 HELD = 40.0  # N at the handle, that friction may have where it alone holds a part
 HOLD = 1.3  # dry friction over the largest gravity load
 STEADY = 1.15  # likewise, over what a spring leaves of it
@@ -59,14 +60,14 @@ def joint_dynamics(
     chain's joint is then taken for too small).
 
     Without a load, dry friction is 3 % of the weight, but 5 to 12 N at the handle
-    (``export.handles``). Where 1.3 times the largest load would still let 22 N at the handle start
-    the joint, friction is that, and the part stays where it is left. Else a spring carries what a
-    spring can carry, and friction 1.15 times what is left, as far as 22 N allow; formats without
-    springs (``Dynamics.unsprung``) get friction that holds the part within 40 N at the handle, or,
-    where 1.15 times the load is more than that, 22 N and a part that falls (``Dynamics.falls``),
-    but never from rest. Damping is inertia / .2 s, at most 25 N s / m at the handle. Effort is five
-    times friction and load together plus what brings the part to its top speed in 1 / 20 s, at
-    most 150 N at the handle.
+    (``export.handles``); of what travels less than 1 cm, as a key, in proportion less. Where 1.3
+    times the largest load would still let 22 N at the handle start the joint, friction is that, and
+    the part stays where it is left. Else a spring carries what a spring can carry, and friction
+    1.15 times what is left, as far as 22 N allow; formats without springs (``Dynamics.unsprung``)
+    get friction that holds the part within 40 N at the handle, or, where 1.15 times the load is
+    more than that, 22 N and a part that falls (``Dynamics.falls``), but never from rest. Damping is
+    inertia / .2 s, at most 25 N s / m at the handle. Effort is five times friction and load
+    together plus what brings the part to its top speed in 1 / 20 s, at most 150 N at the handle.
     """
     below = [sorted(own) for own in subtrees(obj.parents)]
     states, loads = _loads_tried(obj, inertials, below)
@@ -89,14 +90,16 @@ def joint_dynamics(
             inertia += mass * pitch**2
         radius = (inertia / weight) ** 0.5  # 1 for travel
         lever = np.hypot(handle.lever, pitch) if joint.rotates else 1.0
-        floor = np.clip(FLOOR * GRAVITY * weight * radius, LIGHTEST * lever, USUAL * lever)
+        span = float(np.ptp(joint.limits)) * obj.scale
+        lightest = LIGHTEST * (1.0 if joint.rotates else min(span / SHORT, 1.0))
+        floor = np.clip(FLOOR * GRAVITY * weight * radius, lightest * lever, USUAL * lever)
         velocity = TURN_SPEED if joint.rotates else TRAVEL_SPEED
         unit = 1.0 if joint.rotates else obj.scale
         far = FAR_TURN if joint.rotates else FAR_TRAVEL
         load = _Load(states[:, k] * unit, loads[:, k], rest[k] * unit, at_rest[k], far)
         endless = joint.type == "continuous"
         ends = None if endless else (joint.limits[0] * unit, joint.limits[1] * unit)
-        held = _held(load, float(floor), float(lever), handle, ends)
+        held = _held(load, float(floor), float(lever), handle, ends, lightest)
         push = min(inertia * velocity * (ACCELERATION + 1 / TIME), STRONGEST * lever)
         effort = 5 * (held.alone + largest[k]) + push
         damping = min(inertia / TIME, DRAG * lever**2)
@@ -150,16 +153,22 @@ class _Load:
 
 
 def _held(
-    load: _Load, floor: float, lever: float, handle: Handle, ends: tuple[float, float] | None
+    load: _Load,
+    floor: float,
+    lever: float,
+    handle: Handle,
+    ends: tuple[float, float] | None,
+    lightest: float,
 ) -> Dynamics:
     """Friction, spring and the force that starts the joint; damping, effort and velocity are still
     to be set.
 
-    ``ends``: None of a joint that turns for ever, which gets no spring.
+    ``ends``: None of a joint that turns for ever, which gets no spring. ``lightest``: N at the
+    handle that it takes at least.
     """
     largest = float(np.abs(load.forces).max())
     lift = handle.opens * load.at_rest  # what a hand has to lift when it starts; < 0: gravity helps
-    hold = max(floor, HOLD * largest, LIGHTEST * lever - lift)
+    hold = max(floor, HOLD * largest, lightest * lever - lift)
     if hold + lift <= HEAVIEST * lever:
         return Dynamics(0.0, hold, 0.0, 0.0, start=(hold + lift) / lever)
     if STEADY * largest <= HELD * lever < hold:  # that holds it too
@@ -174,7 +183,7 @@ def _held(
         at_rest = handle.opens * (load.at_rest + stiffness * (load.rest - reference))
         wanted = max(floor, STEADY * float(np.abs(left).max()))
         # ``at_rest`` < 0: the spring would open it by itself, if friction did not hold
-        least, most = (newtons * lever - at_rest for newtons in (LIGHTEST, HEAVIEST))
+        least, most = (newtons * lever - at_rest for newtons in (lightest, HEAVIEST))
         friction = max(min(max(wanted, least), most), -STEADY * at_rest)
         if friction <= HEAVIEST * lever:
             break
