@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -46,6 +45,7 @@ def layout(
     if len(set(stems)) != len(stems):
         repeated = next(s for s in stems if stems.count(s) > 1)
         raise ValueError(f"layout: two images are called '{repeated}'; rename one")
+    from uniart_jax.cli.words import say_again
     from uniart_jax.data.background import cut_out
     from uniart_jax.data.images import crop, read_image
     from uniart_jax.export.folder import check_target, complete_folder
@@ -72,13 +72,13 @@ def layout(
         size, margin = predictor.image_size, predictor.crop_margin
         crops = [crop(picture, size, margin) for picture in pictures]
         layouts = [read_layout(found, threshold) for found in predictor(crops)]
+    most = weights.config.model.grid.max_parts
     if model is not None:
         with working(console, "asking") as say:
             for k, stem in enumerate(stems):
                 say(f"{stem}: asking '{ask}'")
-                wrong = functools.partial(_asked_again, say, stem)
-                camera = layouts[k].camera
-                layouts[k] = ask_layout(pictures[k], model, camera, margin, wrong, stem)
+                camera, wrong = layouts[k].camera, say_again(say, stem)
+                layouts[k] = ask_layout(pictures[k], model, camera, margin, wrong, stem, most)
     with complete_folder(out, overwrite, MARKS) as folder:
         (folder / MARKS[0]).write_text(json.dumps(stems) + "\n")
         for stem, cut, found in zip(stems, crops, layouts, strict=True):
@@ -89,7 +89,3 @@ def layout(
         sure = "" if found.certainty is None else f", certainty {found.certainty:.2f}"
         line = f"{stem}: {len(found)} parts, {moving} of them move{sure} -> {out / stem}.json"
         console.print(line, highlight=False, markup=False, soft_wrap=True)
-
-
-def _asked_again(say: Callable[[str], None], name: str, problem: str) -> None:
-    say(f"{name}: asking again: {problem}")

@@ -117,6 +117,7 @@ def sample(
             "and --ask"
         )
     asset = output.parsed()
+    from uniart_jax.cli.words import say_again
     from uniart_jax.data.background import check_background
     from uniart_jax.data.images import check_visible, read_image
     from uniart_jax.inference.ask_layout import ask_command
@@ -159,7 +160,7 @@ def sample(
                     table = tables.get(views[0])
                     if model is not None and name not in answers:
                         say(f"{name}: asking '{ask}'")
-                        wrong = functools.partial(_asked_again, say, name)
+                        wrong = say_again(say, name)
                         answers[name] = pipeline.ask_layout(views[0], model, background, wrong)
                     drawn[i] = pipeline.sample(
                         views if table is None else None,
@@ -203,10 +204,6 @@ def sample(
         kind = "" if isinstance(error, ValueError) else f"{type(error).__name__}: "
         print(f"error: {what}: {kind}{' '.join(str(error).split())}", file=sys.stderr)
     return 1 if failed else 0
-
-
-def _asked_again(say: Callable[[str], None], name: str, problem: str) -> None:
-    say(f"{name}: asking again: {problem}")
 
 
 def _mend(*given: Any) -> Any:

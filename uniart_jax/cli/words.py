@@ -1,7 +1,8 @@
-"""What ``sample`` says at the end: what was found in a picture, and what to open."""
+"""What ``sample`` and ``layout`` say: what was found in a picture, and what to open."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 from uniart_jax.export.words import moving_words
@@ -19,6 +20,11 @@ def certainty_line(layout: Layout | None) -> str:
     line = f"certainty {layout.certainty:.2f}, the share of moving parts expected to be right"
     guess = "; low: the model may not know such a thing"
     return line + (guess if layout.certainty < GUESSED else "")
+
+
+def say_again(say: Callable[[str], None], name: str) -> Callable[[str], None]:
+    """What says that a vision-language model is asked again, and why."""
+    return lambda problem: say(f"{name}: asking again: {problem}")
 
 
 def closing_line(kind: Kind, obj: ArticulatedObject, folder: Path) -> str:

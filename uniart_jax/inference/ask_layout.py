@@ -106,8 +106,8 @@ def ask_layout(
     with tempfile.TemporaryDirectory() as folder:
         picture = Path(folder) / f"{Path(name).name}.png"
         shown_picture(cut_out, margin).save(picture)
-        layout, view = _answer(picture, ask, say, most)
-    return with_camera(layout, cut_out, _guess(view, guess), margin)
+        answer = _answer(picture, ask, say, most)
+    return told_layout(answer, cut_out, guess, margin, most)
 
 
 def told_layout(
@@ -132,16 +132,16 @@ def shown_picture(cut_out: np.ndarray, margin: float = MARGIN) -> Image.Image:
     return Image.fromarray(crop(cut_out, SIDE, margin, GRAY))
 
 
-def _answer(
-    picture: Path, ask: Ask, say: Callable[[str], None], most: int
-) -> tuple[Layout, tuple[float, float] | None]:
+def _answer(picture: Path, ask: Ask, say: Callable[[str], None], most: int) -> str:
+    """The first answer that is a layout."""
     text, problem = prompt(), ""
     for _ in range(TRIES):
         told = ask(text, picture)
         if not isinstance(told, str):
             raise ValueError(f"ask: the model's answer is no text, but {type(told).__name__}")
         try:
-            return read_answer(told, most)
+            read_answer(told, most)
+            return told
         except ValueError as error:
             problem = str(error)
             say(problem)

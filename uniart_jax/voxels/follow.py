@@ -69,7 +69,7 @@ def assemble_layout(
     Returns:
       Parts 'base', 'link_1', ... or as the layout names them, parents first; meshes are closed. A
       row that is fixed and told as boards, a tube or an outline is a piece of what carries it. A
-    small row that voxels hardly show, or that turns about its middle, and a turntable are made of
+      small row that voxels hardly show, or that turns about its middle, and a turntable are made of
       their boxes (``primitive_parts``). Another that no voxel shows, or a fixed one of which they
       show a fragment, is left out; its children hang on its parent. ``provenance`` tells of all.
 

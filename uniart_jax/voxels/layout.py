@@ -198,12 +198,6 @@ class Layout:
         matrix = np.diag([1 / side] * 3 + [1.0])
         matrix[:3, 3] = -middle / side
 
-        def outline(own: Revolution | None) -> Revolution | None:
-            if own is None:
-                return None
-            center = (own.center - np.delete(middle, own.axis)) / side
-            return dataclasses.replace(own, center=center, radii=own.radii / side)
-
         legs, across = self.legs, np.tile(middle[:2], 2)
         if legs is not None:
             lower, upper = (legs.lower - across) / side, (legs.upper - across) / side
@@ -216,7 +210,7 @@ class Layout:
             legs=legs,
             panels=self.panels and self.panels.scaled(middle, side),
             boards=tuple(own and own.scaled(middle, side) for own in self.boards),
-            revolutions=tuple(outline(own) for own in self.revolutions),
+            revolutions=tuple(own and own.scaled(middle, side) for own in self.revolutions),
             tubes=tuple(own and own.scaled(middle, side) for own in self.tubes),
             camera=None,
             metres=False,

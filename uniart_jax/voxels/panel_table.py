@@ -15,7 +15,15 @@ THRESHOLD = 0.5  # of the probability of a panel
 TRUSTED = 0.8  # share of the body from which on panels stand for it
 THINNEST = 0.004  # object units
 NARROW = 0.05  # of a part whose second longest side is shorter boards are not read
+FLAT = 0.06  # metres, thickness of a plate at most
+PLATE = 0.25  # and as a share of its next longer side
 MOST_ROWS = 256  # of JSON
+
+
+def is_plate(size: np.ndarray, thickest: float) -> bool:
+    """Whether a part with a box of this size [3] is one flat plate, ``thickest`` at most."""
+    short, middle = np.sort(size)[:2]
+    return bool(short < min(thickest, PLATE * middle))
 
 
 @dataclasses.dataclass(frozen=True)

@@ -44,6 +44,11 @@ class Revolution:
         middles = (np.arange(len(self.radii)) + 0.5) / len(self.radii)
         return np.interp(share, middles, self.radii)
 
+    def scaled(self, middle: np.ndarray, side: float) -> Revolution:
+        """In units of ``side``, from ``middle`` [3]."""
+        center = (self.center - np.delete(middle, self.axis)) / side
+        return dataclasses.replace(self, center=center, radii=self.radii / side)
+
 
 def revolution_rows(revolutions: Sequence[Revolution | None], count: int) -> np.ndarray:
     """[count, ``ROW``] float32 of parts with ``RADII`` radii: 1 + axis, centre and radii; zero of

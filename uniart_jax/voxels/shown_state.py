@@ -7,15 +7,14 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
+import trimesh
 
 from uniart_jax.objects.kinematics import Joint
 from uniart_jax.voxels.joint_code import box_corners
 from uniart_jax.voxels.opening_direction import round_about
-from uniart_jax.voxels.panel_table import Panels
+from uniart_jax.voxels.panel_table import FLAT, Panels, is_plate
 from uniart_jax.voxels.revolution_table import Revolution
 
-PLATE = 0.25  # thickness of a plate, as a share of its next longer side, at most
-FLAT = 0.06  # metres, its thickness at most
 TILTED = 1e-3  # of a direction's cosine: a solid of revolution that is turned by more is none
 
 
@@ -46,8 +45,7 @@ def at_shown(
 
     moves = np.array([motion(k) for k in range(len(joints))])
     ends = box_corners(np.asarray(boxes, np.float64)).reshape(-1, 2, 3)
-    choice = np.array(np.meshgrid([0, 1], [0, 1], [0, 1])).reshape(3, -1).T
-    corners = ends[:, choice, np.arange(3)]  # [K, 8, 3]
+    corners = np.array([trimesh.bounds.corners(of_box) for of_box in ends])  # [K, 8, 3]
     for k, (box, joint, parent) in enumerate(zip(boxes, joints, parents, strict=True)):
         if _spins(box, joint, outlines[k] if outlines else None):  # its own turn is undone
             own = moves[k, :3, :3].T @ motions[parent][:3, :3]
@@ -98,8 +96,7 @@ def usual_plates(
     one plate, which voxels draw ragged; None of other parts. ``boxes`` [K, 6]: at rest."""
     found: list[Panels | None] = []
     for box, joint, q in zip(boxes, joints, shown, strict=True):
-        thin, next_ = np.sort(box[3:])[:2]
-        flat = thin < PLATE * next_ and (units != "m" or thin < FLAT)
+        flat = is_plate(box[3:], FLAT if units == "m" else np.inf)
         turned = bool(q) and joint.type == "revolute"
         plate = Panels(box_corners(box)[None], 1.0, estimate=False)
         found.append(plate if flat and turned else None)

@@ -11,14 +11,12 @@ from uniart_jax.voxels.closed_pose import closing_of
 from uniart_jax.voxels.joint_code import box_corners
 from uniart_jax.voxels.layout import Layout
 from uniart_jax.voxels.opening_direction import ALONG_LATTICE, round_about
-from uniart_jax.voxels.panel_table import Panels
+from uniart_jax.voxels.panel_table import FLAT, Panels, is_plate
 
 # metres
 FRONT, WALL = 0.018, 0.012  # thickness of a drawer's front, of its walls and its floor
 DEEP = 0.1  # what slides is a drawer from this depth on
-FLAT = 0.06  # what turns or slides is a plate up to this thickness
 THINNEST = 0.012  # object units: about as thick as sub-cells can show
-PLATE = 0.25  # thickness of a plate, as a share of its next longer side, at most
 HEIGHT = 0.75  # of a drawer's walls, as a share of its front's
 
 
@@ -43,9 +41,8 @@ def with_usual_boards(layout: Layout, side: float = 1.0) -> Layout:
             continue
         if round_about(layout.boxes[k, :3], layout.boxes[k, 3:], joint) is not None:
             continue  # knobs and turntables are made of their boxes
-        short, middle = np.sort(layout.boxes[k, 3:])[:2]
         boards = None
-        if short < min(FLAT / side, PLATE * middle):
+        if is_plate(layout.boxes[k, 3:], FLAT / side):
             boards = corners[k][None]
         elif joint.type == "prismatic":
             boards = _drawer(corners[k], joint, body, side)
